@@ -1,0 +1,65 @@
+#pragma once
+/// @file world.hpp
+/// The physics abstraction: what a node may ask of any engine. No engine type leaks through it.
+/// Frame W: right-handed, y up. SI units. One thread per World.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+namespace physics {
+
+/// The tool that a haptic device holds in the world: a sphere on a spring.
+struct ProxyParameters {
+  std::string device;                     ///< Haptic node it belongs to, "haptic0".
+  double mass_kg = 0.1;                   ///< In the world.
+  double radius_m = 0.0;                  ///< 0: a point.
+  double friction = 0.0;                  ///< Coulomb coefficient, multiplied with the body's.
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP at start.
+};
+
+/// Where the proxy is pulled to, and how hard. Set before each step.
+struct ProxyTarget {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();     ///< p_WT.
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();   ///< v_WT: the damper acts on the relative velocity.
+  double stiffness_n_per_m = 0.0;                           ///< In the world (device stiffness · force_scale / position_scale).
+  double damping_n_s_per_m = 0.0;                           ///< In the world, likewise.
+};
+
+/// What became of the proxy in the last step.
+struct ProxyReadout {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d coupling_force_n = Eigen::Vector3d::Zero();  ///< By the spring, mean over the step.
+  Eigen::Vector3d contact_force_n = Eigen::Vector3d::Zero();   ///< By the bodies, mean over the step.
+  std::uint32_t contacts = 0;
+};
+
+/// A simulated world. Made by an engine's factory from a checked scene.
+class World {
+ public:
+  virtual ~World() = default;
+
+  /// Adds a proxy; the handle counts from 0 in the order of calls.
+  virtual std::size_t add_proxy(const ProxyParameters& parameters) = 0;
+
+  /// Moves a proxy to `position_m` at rest and forgets its contacts: the set-point is re-based at zero stored energy.
+  virtual void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) = 0;
+
+  /// The spring is integrated implicitly together with the contacts: any stiffness and step stay stable.
+  virtual void set_proxy_target(std::size_t proxy, const ProxyTarget& target) = 0;
+
+  /// Advances the world by `step_s` > 0 seconds as one step.
+  virtual void step(double step_s) = 0;
+
+  [[nodiscard]] virtual ProxyReadout proxy(std::size_t proxy) const = 0;
+  [[nodiscard]] virtual std::size_t bodies() const noexcept = 0;
+};
+
+}  // namespace physics

@@ -1,0 +1,95 @@
+#pragma once
+/// @file document.hpp
+/// Checked reading of YAML: every key is asked for by name, type, unit and range; what nobody asked for is an error that
+/// suggests the nearest known key. Errors name file, line, key, value, limit and remedy, once.
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace rtbus::config {
+
+/// What is wrong with a configuration; `what()` is the whole sentence for the user:
+/// `scenes/wall.yaml:14: physics.rate_hz = 0 is below 1; choose 1…20000 Hz`.
+/// Thrown inside the readers, caught in main() and tests.
+class Error : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// An assignment from the command line, `--set key.path=value`. List items are named by index or by their `name`:
+/// `haptic.0.rate_hz=2000` or `haptic.haptic1.rate_hz=2000`. A path may lead into a file that the document refers to:
+/// `haptic.0.device.hand.type=none`.
+struct Override {
+  std::string path;
+  std::string value;
+  mutable bool used = false;
+};
+
+/// Splits "key.path=value"; throws Error with the usage when there is no '='.
+[[nodiscard]] Override parse_override(std::string_view text);
+
+/// Both ends belong to the range.
+struct Range {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+};
+
+/// A YAML map that is being read. Keys are consumed by asking; finish() complains about the rest.
+class Map {
+ public:
+  Map(Map&&) noexcept;
+  Map& operator=(Map&&) noexcept;
+  ~Map();
+
+  [[nodiscard]] bool has(std::string_view key) const;
+
+  /// Required values: a missing key is an error that says what belongs there.
+  [[nodiscard]] double number(std::string_view key, Range range);
+  [[nodiscard]] std::string text(std::string_view key);
+  [[nodiscard]] std::string choice(std::string_view key, const std::vector<std::string>& allowed);
+  [[nodiscard]] std::vector<double> numbers(std::string_view key, std::size_t count, Range range = {});
+  [[nodiscard]] Map map(std::string_view key);
+
+  /// Optional values with their default.
+  [[nodiscard]] double number(std::string_view key, Range range, double fallback);
+  [[nodiscard]] std::int64_t integer(std::string_view key, std::int64_t low, std::int64_t high, std::int64_t fallback);
+  [[nodiscard]] bool boolean(std::string_view key, bool fallback);
+  [[nodiscard]] std::string text(std::string_view key, std::string_view fallback);
+  [[nodiscard]] std::string choice(std::string_view key, const std::vector<std::string>& allowed,
+                                   std::string_view fallback);
+  [[nodiscard]] std::vector<double> numbers(std::string_view key, std::size_t count, Range range,
+                                            std::vector<double> fallback);
+  [[nodiscard]] std::optional<Map> optional_map(std::string_view key);
+  [[nodiscard]] std::vector<Map> list_of_maps(std::string_view key);  ///< Empty when the key is absent.
+
+  /// The map behind `key`: written in place, or in the file whose name stands there (relative to this file).
+  [[nodiscard]] Map file_or_map(std::string_view key);
+
+  /// A path that stands at `key`, relative to this file's folder, made absolute; the file must exist.
+  [[nodiscard]] std::string existing_file(std::string_view key);
+
+  /// Error at `key` (its line if it is there, else this map's): "<file>:<line>: <path.key> = <value> <problem>".
+  [[noreturn]] void fail(std::string_view key, const std::string& problem) const;
+
+  /// Error when keys are left that nobody asked for. Call it at the end of every reader.
+  void finish();
+
+  [[nodiscard]] std::string path() const;  ///< "haptic.0.device", for messages.
+  [[nodiscard]] std::string file() const;  ///< Name of the file this map stands in, as given by the user.
+
+ private:
+  friend Map load(const std::string& file, const std::vector<Override>& overrides);
+  struct Impl;
+  explicit Map(std::shared_ptr<Impl> impl);
+  std::shared_ptr<Impl> impl_;
+};
+
+/// Reads `file` and applies the overrides. Overrides that lead nowhere are found by check_overrides_used() after reading.
+[[nodiscard]] Map load(const std::string& file, const std::vector<Override>& overrides = {});
+
+}  // namespace rtbus::config

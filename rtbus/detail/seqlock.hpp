@@ -1,0 +1,3 @@
+#pragma once
+/// @file seqlock.hpp
+/// The copying protocol of a topic. Private to rtbus.

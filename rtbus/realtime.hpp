@@ -1,0 +1,54 @@
+#pragma once
+/// @file realtime.hpp
+/// What a realtime thread asks of Linux, and what Linux really granted.
+#include <cstdint>
+#include <string>
+#include <vector>
+
+/// Marks a function of the realtime context: it neither allocates, locks, logs, throws nor makes a system call.
+/// Checked by the compiler where it can (clang >= 20), and by the traps in tests/realtime everywhere.
+#if defined(__clang__) && defined(__has_cpp_attribute)
+#if __has_cpp_attribute(clang::nonblocking)
+#define RTBUS_NONBLOCKING [[clang::nonblocking]]
+#endif
+#endif
+#ifndef RTBUS_NONBLOCKING
+#define RTBUS_NONBLOCKING
+#endif
+
+namespace rtbus {
+
+/// What a thread that must be on time asks for.
+struct RealtimeRequest {
+  int priority = 80;            ///< SCHED_FIFO priority, 1…98; 99 stays with the kernel's own threads.
+  int core = -1;                ///< CPU to stay on; −1 chooses the last core this process may use.
+  bool lock_memory = true;      ///< mlockall(current and future).
+  bool hold_dma_latency = true; ///< Keep /dev/cpu_dma_latency at 0 µs: no deep CPU sleep, 6–7 times faster wake-up.
+};
+
+/// What was granted, read back from the kernel. Every refusal is a warning with its remedy.
+struct RealtimeGrant {
+  bool fifo = false;
+  int priority = 0;
+  int core = -1;  ///< −1 when the thread may wander.
+  bool memory_locked = false;
+  bool dma_latency_held = false;
+  std::vector<std::string> warnings;  ///< One sentence each: what is missing, what it costs, how to get it.
+
+  /// One line for the log: "SCHED_FIFO 80, core 1, memory locked, cpu_dma_latency 0 us".
+  [[nodiscard]] std::string summary() const;
+  /// "SCHED_FIFO" or "SCHED_OTHER", as the report prints it.
+  [[nodiscard]] const char* scheduling() const noexcept { return fifo ? "SCHED_FIFO" : "SCHED_OTHER"; }
+};
+
+/// Applies `request` to the calling thread, pre-faults 256 KiB of its stack, and reads back what was granted.
+/// Never fails: a refusal is in the grant. @realtime No: call it once, before the loop.
+[[nodiscard]] RealtimeGrant enter_realtime(const RealtimeRequest& request);
+
+/// Gives /dev/cpu_dma_latency back. The kernel does the same when the process ends.
+void leave_realtime() noexcept;
+
+/// Names the calling thread (at most 15 bytes are kept).
+void name_this_thread(const char* name) noexcept;
+
+}  // namespace rtbus

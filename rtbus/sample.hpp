@@ -1,0 +1,142 @@
+#pragma once
+/// @file sample.hpp
+/// What may travel over a topic, and how a sample describes itself so that generic tools can print it.
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <type_traits>
+
+namespace rtbus {
+
+/// The scalar types a field may have. The numbers are part of the shared-memory layout.
+enum class FieldType : std::uint8_t {
+  kF64 = 1,
+  kU64 = 2,
+  kI64 = 3,
+  kU32 = 4,
+  kI32 = 5,
+  kU8 = 6,
+  kText = 7,  ///< `count` bytes of UTF-8, ended by a zero byte unless full.
+};
+
+/// Bytes of one element of `type`; 0 for a value that is not in the list (a corrupt segment).
+[[nodiscard]] constexpr std::uint32_t field_type_bytes(FieldType type) noexcept {
+  switch (type) {
+    case FieldType::kF64:
+    case FieldType::kU64:
+    case FieldType::kI64: return 8;
+    case FieldType::kU32:
+    case FieldType::kI32: return 4;
+    case FieldType::kU8:
+    case FieldType::kText: return 1;
+  }
+  return 0;
+}
+
+/// One field of a sample: `count` elements of `type` that start `offset` bytes into it.
+struct Field {
+  std::string_view name;  ///< Carries its unit as suffix, for example "position_m". At most 39 bytes.
+  std::string_view unit;  ///< "m", "N", "ns", "1" for a pure number, "" for text. At most 15 bytes.
+  FieldType type;
+  std::uint32_t offset;
+  std::uint32_t count;
+};
+
+namespace detail {
+
+template <class M>
+struct FieldShape;  // maps a member's C++ type to (FieldType, count)
+template <>
+struct FieldShape<double> { static constexpr FieldType kType = FieldType::kF64; static constexpr std::uint32_t kCount = 1; };
+template <>
+struct FieldShape<std::uint64_t> { static constexpr FieldType kType = FieldType::kU64; static constexpr std::uint32_t kCount = 1; };
+template <>
+struct FieldShape<std::int64_t> { static constexpr FieldType kType = FieldType::kI64; static constexpr std::uint32_t kCount = 1; };
+template <>
+struct FieldShape<std::uint32_t> { static constexpr FieldType kType = FieldType::kU32; static constexpr std::uint32_t kCount = 1; };
+template <>
+struct FieldShape<std::int32_t> { static constexpr FieldType kType = FieldType::kI32; static constexpr std::uint32_t kCount = 1; };
+template <>
+struct FieldShape<std::uint8_t> { static constexpr FieldType kType = FieldType::kU8; static constexpr std::uint32_t kCount = 1; };
+template <>
+struct FieldShape<char> { static constexpr FieldType kType = FieldType::kText; static constexpr std::uint32_t kCount = 1; };
+template <class E, std::size_t N>
+struct FieldShape<std::array<E, N>> {
+  static constexpr FieldType kType = FieldShape<E>::kType;
+  static constexpr std::uint32_t kCount = static_cast<std::uint32_t>(N) * FieldShape<E>::kCount;
+};
+
+}  // namespace detail
+
+/// A row of SampleTraits<T>::kFields: name, type, count and offset come from the member itself.
+#define RTBUS_FIELD(Type, member, unit)                                                          \
+  ::rtbus::Field {                                                                               \
+    #member, unit, ::rtbus::detail::FieldShape<decltype(Type::member)>::kType,                   \
+        static_cast<std::uint32_t>(offsetof(Type, member)),                                      \
+        ::rtbus::detail::FieldShape<decltype(Type::member)>::kCount                              \
+  }
+
+/// Specialise for every sample: `static constexpr std::string_view kName` (at most 47 bytes) and
+/// `static constexpr std::array kFields{RTBUS_FIELD(…), …}`, in the order of the members.
+template <class T>
+struct SampleTraits;
+
+namespace detail {
+
+/// True when the fields follow each other without a gap and fill the sample: no hidden padding, nothing undescribed.
+template <class T>
+consteval bool fields_tile_sample() {
+  std::uint32_t end = 0;
+  for (const Field& field : SampleTraits<T>::kFields) {
+    if (field.offset != end || field.name.size() > 39 || field.unit.size() > 15) return false;
+    end += field.count * field_type_bytes(field.type);
+  }
+  return end == sizeof(T);
+}
+
+/// FNV-1a, 64 bit (Fowler, Noll, Vo: draft-eastlake-fnv).
+constexpr std::uint64_t fnv1a(std::string_view text, std::uint64_t hash) noexcept {
+  for (const char c : text) hash = (hash ^ static_cast<std::uint8_t>(c)) * 0x100000001b3ULL;
+  return hash;
+}
+constexpr std::uint64_t fnv1a(std::uint64_t number, std::uint64_t hash) noexcept {
+  for (int i = 0; i < 8; ++i, number >>= 8) hash = (hash ^ (number & 0xff)) * 0x100000001b3ULL;
+  return hash;
+}
+
+}  // namespace detail
+
+/// Trivially copyable, pointer-free, a multiple of 8 bytes, every byte described by a field.
+template <class T>
+concept Sample = std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> && std::is_default_constructible_v<T> &&
+                 sizeof(T) % 8 == 0 && alignof(T) <= 8 && requires {
+                   SampleTraits<T>::kName;
+                   SampleTraits<T>::kFields;
+                 } && detail::fields_tile_sample<T>();
+
+/// Changes whenever name, size or any field of T changes; both ends of a topic compare it.
+template <Sample T>
+consteval std::uint64_t type_hash() {
+  std::uint64_t hash = detail::fnv1a(SampleTraits<T>::kName, 0xcbf29ce484222325ULL);
+  hash = detail::fnv1a(sizeof(T), hash);
+  for (const Field& field : SampleTraits<T>::kFields) {
+    hash = detail::fnv1a(field.name, hash);
+    hash = detail::fnv1a(field.unit, hash);
+    hash = detail::fnv1a(static_cast<std::uint64_t>(field.type), hash);
+    hash = detail::fnv1a(field.offset, hash);
+    hash = detail::fnv1a(field.count, hash);
+  }
+  return hash;
+}
+
+/// A sample as it comes off a topic.
+template <class T>
+struct Stamped {
+  std::uint64_t sequence = 0;  ///< Number of this sample in its topic, from 1; goes on counting when a new writer takes over.
+  std::uint64_t stamp_ns = 0;  ///< CLOCK_MONOTONIC at publish, as given by the writer [ns].
+  T value{};
+};
+
+}  // namespace rtbus
