@@ -260,8 +260,8 @@ struct SampleTraits<PlantState> {
       RTBUS_FIELD(T, buttons, "bits"),           RTBUS_FIELD(T, timed_out, "bool")};
 };
 
-static_assert(sizeof(DeviceState) == 208 && Sample<DeviceState>);
-static_assert(sizeof(ProxyState) == 208 && Sample<ProxyState>);
+static_assert(sizeof(DeviceState) == 200 && Sample<DeviceState>);
+static_assert(sizeof(ProxyState) == 200 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 536 && Sample<NodeInfo>);
 static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);

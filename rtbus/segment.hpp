@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rtbus/detail/seqlock.hpp"
 #include "rtbus/result.hpp"
@@ -41,7 +42,7 @@ enum class OwnerTrust : std::uint8_t {
 struct Session {
   std::string name = "default";  ///< [a-z0-9_-], 1…32 characters.
   mode_t mode = 0600;            ///< Permissions of new segments; the umask does not weaken or strengthen them.
-  std::optional<gid_t> group;    ///< Group of new segments; none: the creator's own.
+  std::optional<gid_t> group{};  ///< Group of new segments; none: the creator's own.
 
   [[nodiscard]] static bool valid_name(std::string_view name) noexcept;
 };
@@ -58,6 +59,9 @@ template <Sample T>
 [[nodiscard]] constexpr SampleDescription describe() noexcept {
   return {SampleTraits<T>::kName, sizeof(T), type_hash<T>(), SampleTraits<T>::kFields};
 }
+
+/// True for [a-z0-9_.-], 1…96 characters, not beginning with a dot.
+[[nodiscard]] bool valid_topic_name(std::string_view topic) noexcept;
 
 /// "rtbus.<session>.<topic>", as it appears in /dev/shm.
 [[nodiscard]] std::string segment_name(std::string_view session, std::string_view topic);
@@ -83,17 +87,37 @@ class Segment {
   /// Validated view of the ring; stays valid while the Segment lives, also when it is moved.
   [[nodiscard]] detail::RingView ring() const noexcept;
 
-  [[nodiscard]] bool writer_alive() const noexcept;
-  [[nodiscard]] bool observed() const noexcept;
-  [[nodiscard]] bool replaced() const noexcept;
-  [[nodiscard]] std::size_t bytes() const noexcept;
-  [[nodiscard]] std::uint32_t writer_pid() const noexcept;
-  [[nodiscard]] std::uint32_t epoch() const noexcept;  ///< Writers this segment has had, from 1.
+  [[nodiscard]] bool writer_alive() const noexcept;  ///< Somebody holds the writer's lock; true on the writer's own end.
+  [[nodiscard]] bool observed() const noexcept;      ///< Another open end holds a presence lock.
+  [[nodiscard]] bool replaced() const noexcept;      ///< The name leads to another segment, or to none.
+  [[nodiscard]] std::size_t bytes() const noexcept;  ///< Size of the file.
+  [[nodiscard]] std::uint32_t writer_pid() const noexcept;  ///< As the writer wrote it: for people, not for decisions.
+  [[nodiscard]] std::uint32_t epoch() const noexcept;       ///< Writers this segment has had, from 1.
+  [[nodiscard]] std::uint64_t writer_start_ns() const noexcept;  ///< CLOCK_MONOTONIC when the present writer took it.
+  [[nodiscard]] uid_t owner() const noexcept;               ///< User the file belonged to when it was opened.
 
-  void ring_doorbell() noexcept;
+  void ring_doorbell() noexcept;  ///< Writer's end: wakes sleepers; a system call only when there are any.
+  /// Reader's end: sleeps until a sample after `sequence` is complete (true) or `deadline_ns` passes (false).
   [[nodiscard]] bool wait_newer_than(std::uint64_t sequence, std::uint64_t deadline_ns) noexcept;
 
-  struct Description;  ///< Copied out of the header and checked; see topic_directory.hpp for the printable form.
+  /// One field of the sample, as the segment describes it.
+  struct OwnedField {
+    std::string name;
+    std::string unit;
+    FieldType type = FieldType::kF64;
+    std::uint32_t offset = 0;
+    std::uint32_t count = 0;
+  };
+  /// What the header says about the topic, copied out and checked: sizes agree with each other and with the file,
+  /// fields lie within the sample, texts are printable.
+  struct Description {
+    std::string type_name;
+    std::uint64_t type_hash = 0;
+    std::uint32_t sample_bytes = 0;
+    std::uint32_t capacity = 0;
+    std::vector<OwnedField> fields;
+    bool doorbell = false;
+  };
   [[nodiscard]] const Description& description() const noexcept;
 
  private:

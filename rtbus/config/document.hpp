@@ -23,11 +23,12 @@ class Error : public std::runtime_error {
 
 /// An assignment from the command line, `--set key.path=value`. List items are named by index or by their `name`:
 /// `haptic.0.rate_hz=2000` or `haptic.haptic1.rate_hz=2000`. A path may lead into a file that the document refers to:
-/// `haptic.0.device.hand.type=none`.
+/// `haptic.0.device.hand.type=none`. The value is read as YAML: `2000`, `fast`, `[0, 1, 0]`, `null`. It replaces what
+/// stands there or creates the key; whether that key makes sense is judged like any other by the reader of its map. Short
+/// paths are applied first, so `haptic.0.device=…` and `haptic.0.device.model=…` may come in any order.
 struct Override {
   std::string path;
   std::string value;
-  mutable bool used = false;
 };
 
 /// Splits "key.path=value"; throws Error with the usage when there is no '='.
@@ -39,14 +40,21 @@ struct Range {
   double high = std::numeric_limits<double>::infinity();
 };
 
-/// A YAML map that is being read. Keys are consumed by asking; finish() complains about the rest.
+/// A YAML map that is being read. Keys are consumed by asking; finish() complains about the rest. A key whose value is
+/// null counts as absent. Keeps its document alive; copies nothing. Numbers are finite, with '.' as point in any locale.
 class Map {
  public:
+  struct Impl;  ///< Private to document.cpp.
+
   Map(Map&&) noexcept;
   Map& operator=(Map&&) noexcept;
   ~Map();
 
+  /// True when the key is there and not null. Asking makes the key a known one.
   [[nodiscard]] bool has(std::string_view key) const;
+
+  /// The keys that are there, in the file's order. Asking for this list does not make them known.
+  [[nodiscard]] std::vector<std::string> keys() const;
 
   /// Required values: a missing key is an error that says what belongs there.
   [[nodiscard]] double number(std::string_view key, Range range);
@@ -67,7 +75,7 @@ class Map {
   [[nodiscard]] std::optional<Map> optional_map(std::string_view key);
   [[nodiscard]] std::vector<Map> list_of_maps(std::string_view key);  ///< Empty when the key is absent.
 
-  /// The map behind `key`: written in place, or in the file whose name stands there (relative to this file).
+  /// The map behind `key`: written in place, or in the file whose name stands there (relative to this file's folder).
   [[nodiscard]] Map file_or_map(std::string_view key);
 
   /// A path that stands at `key`, relative to this file's folder, made absolute; the file must exist.
@@ -76,7 +84,8 @@ class Map {
   /// Error at `key` (its line if it is there, else this map's): "<file>:<line>: <path.key> = <value> <problem>".
   [[noreturn]] void fail(std::string_view key, const std::string& problem) const;
 
-  /// Error when keys are left that nobody asked for. Call it at the end of every reader.
+  /// Error when keys are left that nobody asked for, or when an override led below a value that has nothing below it.
+  /// Call it at the end of every reader.
   void finish();
 
   [[nodiscard]] std::string path() const;  ///< "haptic.0.device", for messages.
@@ -84,12 +93,12 @@ class Map {
 
  private:
   friend Map load(const std::string& file, const std::vector<Override>& overrides);
-  struct Impl;
   explicit Map(std::shared_ptr<Impl> impl);
   std::shared_ptr<Impl> impl_;
 };
 
-/// Reads `file` and applies the overrides. Overrides that lead nowhere are found by check_overrides_used() after reading.
+/// Reads `file` and applies the overrides. One that names a list item which does not exist fails here; one with a wrong
+/// key fails in finish() of the map it led to, so that each program judges the part that it reads.
 [[nodiscard]] Map load(const std::string& file, const std::vector<Override>& overrides = {});
 
 }  // namespace rtbus::config

@@ -1,0 +1,128 @@
+#include "drivers/simulated/simulated_config.hpp"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "drivers/simulated/models.hpp"
+#include "drivers/simulated/plant_link.hpp"
+#include "drivers/simulated/simulated_device.hpp"
+#include "drivers/simulated/vector.hpp"
+
+namespace drivers::simulated {
+namespace {
+
+using rtbus::config::Map;
+using rtbus::config::Range;
+
+// Of the plant's friction, what DeviceInfo promises. Stability limits are computed from the promise, so it has to hold
+// for a mechanism whose friction varies with pose and wear, as a real one's does.
+constexpr double kPromisedFriction = 0.8;
+
+Eigen::Vector3d vector(Map& map, std::string_view key, Range range, const Eigen::Vector3d& fallback) {
+  const std::vector<double> v = map.numbers(key, 3, range, {fallback.x(), fallback.y(), fallback.z()});
+  return {v[0], v[1], v[2]};
+}
+
+const Model& parse_model(Map& file) {
+  std::vector<std::string> names;
+  for (const Model& model : models()) names.emplace_back(model.name);
+  const std::string name = file.choice("model", names, names.front());
+  return *std::find_if(models().begin(), models().end(), [&](const Model& model) { return model.name == name; });
+}
+
+void parse_mechanics(Map& map, MechanicsParameters& m, DeviceInfo& info) {
+  m.mass_kg = map.number("mass_kg", {0.005, 5.0}, m.mass_kg);
+  m.viscous_n_s_per_m = map.number("viscous_n_s_per_m", {0.0, 50.0}, m.viscous_n_s_per_m);
+  m.coulomb_n = map.number("coulomb_n", {0.0, 5.0}, m.coulomb_n);
+  m.gravity_m_s2 = vector(map, "gravity_m_s2", {-30.0, 30.0}, m.gravity_m_s2);
+  m.max_force_n = map.number("max_force_n", {0.1, 100.0}, m.max_force_n);
+  m.force_step_n = map.number("force_step_n", {0.0, 1.0}, m.force_step_n);
+  m.position_quantum_m = map.number("position_quantum_m", {0.0, 0.005}, m.position_quantum_m);
+  m.sample_jitter_ns = static_cast<std::uint64_t>(map.number("sample_jitter_us", {0.0, 1000.0}, 0.0) * 1e3 + 0.5);
+  m.jitter_seed = static_cast<std::uint64_t>(map.integer("jitter_seed", 0, 1'000'000'000, 1));
+  m.step_ns = static_cast<std::uint64_t>(map.integer("integration_step_us", 10, 500, 100)) * 1000;
+  m.end_stops = map.boolean("end_stops", true);
+  info.force_timeout_s = map.number("force_timeout_ms", {1.0, 1000.0}, 20.0) * 1e-3;
+  if (m.force_step_n > m.max_force_n) map.fail("force_step_n", "exceeds mechanics.max_force_n; lower it");
+}
+
+void parse_limits(Map& map, MechanicsParameters& m, DeviceInfo& info) {
+  info.continuous_force_n = map.number("continuous_force_n", {0.01, 100.0}, info.continuous_force_n);
+  info.thermal_time_constant_s = map.number("thermal_time_constant_s", {0.1, 3600.0}, info.thermal_time_constant_s);
+  info.max_slew_n_per_ms = map.number("max_slew_n_per_ms", {0.01, 100.0}, info.max_slew_n_per_ms);
+  info.max_stiffness_n_per_m = map.number("max_stiffness_n_per_m", {1.0, 20000.0}, info.max_stiffness_n_per_m);
+  info.max_speed_m_s = map.number("max_speed_m_s", {0.05, 20.0}, info.max_speed_m_s);
+  m.workspace_min_m = vector(map, "workspace_min_m", {-2.0, 2.0}, m.workspace_min_m);
+  m.workspace_max_m = vector(map, "workspace_max_m", {-2.0, 2.0}, m.workspace_max_m);
+  if ((m.workspace_min_m.array() >= m.workspace_max_m.array()).any()) {
+    map.fail("workspace_max_m", "is not above limits.workspace_min_m on every axis; raise it");
+  }
+  if (info.continuous_force_n > m.max_force_n) {
+    map.fail("continuous_force_n", "exceeds the peak mechanics.max_force_n = " + std::to_string(m.max_force_n) +
+                                       " N; lower it or raise the peak");
+  }
+}
+
+void complete_info(const MechanicsParameters& m, DeviceInfo& info) {
+  info.max_force_n = m.max_force_n;
+  info.position_quantum_m = m.position_quantum_m;
+  info.apparent_mass_kg = m.mass_kg;
+  info.viscous_damping_n_s_per_m = kPromisedFriction * m.viscous_n_s_per_m;
+  info.coulomb_friction_n = kPromisedFriction * m.coulomb_n;
+  info.workspace_min_m = to_array(m.workspace_min_m);
+  info.workspace_max_m = to_array(m.workspace_max_m);
+  info.can_pace_loop = true;
+}
+
+}  // namespace
+
+std::unique_ptr<DeviceConfig> parse(Map& file) {
+  const Model& model = parse_model(file);
+  SimulatedSettings settings;
+  settings.mechanics = model.mechanics;
+  settings.info = model.limits;
+  settings.info.model = std::string(model.name);
+  settings.own_process = file.choice("process", {"node", "own"}, "node") == "own";
+  settings.sample_rate_hz = file.number("sample_rate_hz", {100.0, 10000.0}, settings.sample_rate_hz);
+  settings.plant_rate_hz = file.number("plant_rate_hz", {500.0, 10000.0}, settings.plant_rate_hz);
+
+  MechanicsParameters& m = settings.mechanics;
+  if (auto mechanics = file.optional_map("mechanics")) {
+    parse_mechanics(*mechanics, m, settings.info);
+    mechanics->finish();
+  }
+  // A peak lowered below the model's continuous force takes that along, unless the file gives both.
+  settings.info.continuous_force_n = std::min(settings.info.continuous_force_n, m.max_force_n);
+  if (auto limits = file.optional_map("limits")) {
+    parse_limits(*limits, m, settings.info);
+    limits->finish();
+  }
+  if (auto hand = file.optional_map("hand")) {
+    settings.hand = parse_hand(*hand, m.start_position_m);
+    hand->finish();
+  }
+  m.start_position_m = vector(file, "start_position_m", {-2.0, 2.0}, m.start_position_m);
+  const bool outside = (m.start_position_m.array() < m.workspace_min_m.array()).any() ||
+                       (m.start_position_m.array() > m.workspace_max_m.array()).any();
+  if (m.end_stops && outside) {
+    file.fail(file.has("start_position_m") ? "start_position_m" : "hand",
+              "lets the tip start outside the workspace (limits.workspace_min_m…max_m); move it inside, or set "
+              "mechanics.end_stops: false");
+  }
+  complete_info(m, settings.info);
+  return std::make_unique<SimulatedConfig>(std::move(settings));
+}
+
+rtbus::Result<std::unique_ptr<Device>, DeviceFault> SimulatedConfig::open(const OpenContext& context) const {
+  std::unique_ptr<Device> device;
+  if (settings_.own_process) {
+    device = std::make_unique<PlantLink>(settings_, context);
+  } else {
+    device = std::make_unique<SimulatedDevice>(settings_);
+  }
+  return device;
+}
+
+}  // namespace drivers::simulated

@@ -1,0 +1,63 @@
+#pragma once
+/// @file link_monitor.hpp
+/// Is physics there? Two signs of life, because a process can be dead, stopped, or alive with a hung engine.
+#include <algorithm>
+#include <cstdint>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/messages.hpp"
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+struct LinkMonitorConfig {
+  double loss_timeout_s = 0.055;  ///< A heartbeat (every 20 ms) older than this: the process is dead or stopped.
+  double min_step_age_s = 0.1;    ///< A hung engine: older than max(this, 2.5 × declared period + step time).
+};
+
+/// Judges the age of the heartbeat and of the last step. A slow engine with a live heartbeat is not lost.
+/// @realtime Yes, all of it.
+class LinkMonitor {
+ public:
+  explicit LinkMonitor(const LinkMonitorConfig& config) noexcept : config_(config) {}
+
+  void heartbeat(const rtbus::Heartbeat& beat, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING {
+    beat_ = beat;
+    beat_ns_ = stamp_ns;
+  }
+
+  /// A proxy was published at `stamp_ns`.
+  void proxy(std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING { proxy_ns_ = stamp_ns; }
+
+  /// Looks at the clock; true while physics is alive. Counts each change from alive to lost.
+  [[nodiscard]] bool update(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
+    const bool alive = beat_ns_ != 0 && proxy_ns_ != 0 &&
+                       beat_.state == static_cast<std::uint32_t>(rtbus::NodeState::kRunning) &&
+                       rtbus::seconds_between(beat_ns_, now_ns) <= config_.loss_timeout_s &&
+                       rtbus::seconds_between(proxy_ns_, now_ns) <= step_age_limit_s();
+    if (alive_ && !alive) {
+      ++losses_;
+      last_loss_ns_ = now_ns;
+    }
+    alive_ = alive;
+    return alive;
+  }
+
+  [[nodiscard]] double step_age_limit_s() const noexcept {
+    return std::max(config_.min_step_age_s, 2.5 * static_cast<double>(beat_.work_period_ns) * 1e-9 +
+                                                static_cast<double>(beat_.work_compute_ns) * 1e-9);
+  }
+  [[nodiscard]] std::uint64_t losses() const noexcept { return losses_; }
+  [[nodiscard]] std::uint64_t last_loss_ns() const noexcept { return last_loss_ns_; }
+
+ private:
+  LinkMonitorConfig config_;
+  rtbus::Heartbeat beat_{};
+  std::uint64_t beat_ns_ = 0;
+  std::uint64_t proxy_ns_ = 0;
+  bool alive_ = false;
+  std::uint64_t losses_ = 0;
+  std::uint64_t last_loss_ns_ = 0;
+};
+
+}  // namespace haptic

@@ -1,0 +1,276 @@
+#include "haptic_node/loop.hpp"
+
+#include <algorithm>
+
+#include "haptic_node/rendering/registry.hpp"
+#include "rtbus/clock.hpp"
+
+namespace haptic {
+
+namespace {
+
+rtbus::Vec3 to_array(const Eigen::Vector3d& v) noexcept { return {v.x(), v.y(), v.z()}; }
+Eigen::Vector3d to_vector(const rtbus::Vec3& v) noexcept { return {v[0], v[1], v[2]}; }
+rtbus::Quat to_array(const Eigen::Quaterniond& q) noexcept { return {q.w(), q.x(), q.y(), q.z()}; }
+
+bool pressed(std::uint32_t buttons, int button) noexcept { return button >= 0 && ((buttons >> button) & 1u) != 0; }
+
+// One writer: a relaxed load and store is enough, and cheaper than an atomic addition.
+void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
+  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
+}
+
+std::unique_ptr<Renderer> make_renderer(const HapticConfig& config, const Mapping& mapping) {
+  const RendererContext context{config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes};
+  return find_renderer(config.method)->make(context);
+}
+
+}  // namespace
+
+Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& link, bool measure)
+    : config_(config),
+      device_(device),
+      link_(link),
+      measure_(measure),
+      dt_s_(static_cast<double>(config.period_ns()) * 1e-9),
+      mapping_(config.mapping),
+      renderer_(make_renderer(config, mapping_)),
+      velocity_(config.velocity_cutoff_hz),
+      safety_(config.safety),
+      monitor_(config.link) {}
+
+void Loop::note(LoopEvent event) noexcept {
+  if (event_count_ < kMaxEvents) events_[event_count_++] = event;
+}
+
+LoopEvent Loop::take_event() noexcept { return event_next_ < event_count_ ? events_[event_next_++] : LoopEvent::kNone; }
+
+void Loop::take_news(std::uint64_t now_ns) noexcept {
+  proxy_.fresh = false;
+  if (!renderer_->needs_physics()) {
+    link_alive_ = true;
+    return;
+  }
+  if (link_.receive(beat_news_)) monitor_.heartbeat(beat_news_.value, beat_news_.stamp_ns);
+  if (link_.receive(proxy_news_)) {
+    monitor_.proxy(proxy_news_.stamp_ns);
+    const rtbus::ProxyState& news = proxy_news_.value;
+    // An answer to another mapping (before a clutch) or to no sample of ours says nothing about the hand now.
+    proxy_.valid = news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch();
+    if (proxy_.valid) {
+      proxy_.fresh = true;
+      proxy_.sequence = proxy_news_.sequence;
+      proxy_.device_time_ns = news.device_time_ns;
+      proxy_.arrived_ns = now_ns;
+      proxy_.period_s = news.step_s;
+      proxy_.position_m = mapping_.position_to_device(to_vector(news.position_m));
+      proxy_.velocity_m_s = mapping_.velocity_to_device(to_vector(news.velocity_m_s));
+      proxy_.server_force_n = -mapping_.force_to_device(to_vector(news.coupling_force_n));
+    }
+  }
+  const bool was_alive = link_alive_;
+  link_alive_ = monitor_.update(now_ns);
+  if (link_alive_ && !was_alive) {
+    renderer_->reset();
+    note(LoopEvent::kLinkAlive);
+  } else if (!link_alive_ && was_alive) {
+    note(LoopEvent::kLinkLost);
+  }
+}
+
+void Loop::follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept {
+  const bool pressed_now = pressed(buttons, config_.clutch_button);
+  if (pressed_now && !clutched_) {
+    clutch_position_W_ = mapping_.position_to_world(position_m);
+    note(LoopEvent::kClutched);
+  } else if (!pressed_now && clutched_) {
+    // The hand is somewhere else now; the tool has waited. Whatever spring was stretched in between is forgotten.
+    mapping_.rebase(position_m, clutch_position_W_);
+    proxy_.valid = false;
+    renderer_->reset();
+    note(LoopEvent::kReleased);
+  }
+  clutched_ = pressed_now;
+}
+
+void Loop::describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m, bool enabled) noexcept {
+  const Eigen::Quaterniond q_DT(sample.orientation_wxyz[0], sample.orientation_wxyz[1], sample.orientation_wxyz[2],
+                                sample.orientation_wxyz[3]);
+  state_.position_m = sample.position_m;
+  state_.velocity_m_s = to_array(velocity_.velocity_m_s());
+  state_.orientation_wxyz = sample.orientation_wxyz;
+  state_.target_position_m = to_array(clutched_ ? clutch_position_W_ : mapping_.position_to_world(position_m));
+  state_.target_velocity_m_s =
+      clutched_ ? rtbus::Vec3{} : to_array(mapping_.velocity_to_world(velocity_.velocity_m_s()));
+  state_.target_orientation_wxyz = to_array(mapping_.orientation_to_world(q_DT));
+  state_.position_scale = mapping_.config().position_scale;
+  state_.force_scale = mapping_.config().force_scale;
+  state_.sample_time_ns = sample.time_ns;
+  state_.buttons = sample.buttons;
+  state_.mapping_epoch = mapping_.epoch();
+  state_.enabled = enabled ? 1 : 0;
+}
+
+void Loop::count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexcept {
+  const auto bump_if = [&](std::uint32_t bits, std::atomic<std::uint64_t>& counter) {
+    if ((safe.acted & bits) != 0) bump(counter);
+  };
+  bump(counters_.ticks);
+  bump_if(kClamped, counters_.clamped);
+  bump_if(kSlewLimited, counters_.slew_limited);
+  bump_if(kStale, counters_.stale_ticks);
+  bump_if(kNonfinite, counters_.nonfinite);
+  bump_if(kOverspeed, counters_.overspeed);
+  bump_if(kThermalLimited, counters_.thermal_limited);
+  bump_if(kPassivity, counters_.passivity_ticks);
+  bump_if(kDeviceLost, counters_.device_lost);
+  counters_.losses.store(monitor_.losses(), std::memory_order_relaxed);
+  counters_.last_loss_ns.store(monitor_.last_loss_ns(), std::memory_order_relaxed);
+  const double square = force_n.squaredNorm();
+  counters_.force_square_sum_n2.store(counters_.force_square_sum_n2.load(std::memory_order_relaxed) + square,
+                                      std::memory_order_relaxed);
+  if (const double norm = std::sqrt(square); norm > counters_.force_peak_n.load(std::memory_order_relaxed)) {
+    counters_.force_peak_n.store(norm, std::memory_order_relaxed);
+  }
+  counters_.energy_absorbed_j.store(safety_.passivity().absorbed_j(), std::memory_order_relaxed);
+  counters_.energy_injected_j.store(safety_.passivity().dissipated_j(), std::memory_order_relaxed);
+}
+
+void Loop::cycle(std::uint64_t due_ns, std::uint64_t now_ns) noexcept {
+  event_count_ = event_next_ = 0;
+  const std::uint64_t began_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
+
+  // 1. Where is the hand? The device keeps its own last sample: a stale one is repeated, a lost device means zero force.
+  const drivers::IoStatus io = device_.read(now_ns, sample_);
+  const std::uint64_t read_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
+  const bool device_ok = io == drivers::IoStatus::kOk || io == drivers::IoStatus::kStale;
+  if (device_ok != device_ok_) note(device_ok ? LoopEvent::kDeviceBack : LoopEvent::kDeviceLost);
+  if (device_ok && !device_ok_) velocity_.reset();  // it may be anywhere by now: no difference across the gap
+  device_ok_ = device_ok;
+  const Eigen::Vector3d position_m = to_vector(sample_.position_m);
+  if (device_ok && position_m.allFinite()) velocity_.update(position_m, sample_.time_ns);
+
+  // 2. What does physics say, and does the user want force?
+  follow_clutch(position_m, sample_.buttons);
+  take_news(now_ns);
+  const bool enabled =
+      device_ok && !clutched_ && (config_.enable_button < 0 || pressed(sample_.buttons, config_.enable_button));
+
+  // 3. The force law, then the ladder, then the device.
+  RenderInput input;
+  input.now_ns = now_ns;
+  input.dt_s = dt_s_;
+  input.position_m = position_m;
+  input.velocity_m_s = velocity_.velocity_m_s();
+  input.proxy = proxy_;
+  const RenderOutput rendered = renderer_->render(input);
+
+  SafetyInput wish;
+  wish.force_n = rendered.force_n;
+  wish.position_m = position_m;
+  wish.velocity_m_s = input.velocity_m_s;
+  wish.dt_s = dt_s_;
+  wish.elapsed_s = last_sample_ns_ == 0 ? 0.0 : rtbus::seconds_between(last_sample_ns_, sample_.time_ns);
+  wish.enabled = enabled;
+  wish.link_alive = link_alive_;
+  wish.device_ok = device_ok;
+  const SafetyOutput safe = safety_.apply(wish);
+  if (device_ok) last_sample_ns_ = sample_.time_ns;
+  const bool overspeed = (safe.acted & kOverspeed) != 0;
+  if (overspeed && !overspeed_) note(LoopEvent::kOverspeed);
+  overspeed_ = overspeed;
+
+  drivers::ForceCommand command;
+  command.force_n = to_array(safe.force_n);
+  const std::uint64_t computed_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
+  (void)device_.write(measure_ ? computed_ns : now_ns, command);
+  const std::uint64_t written_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
+
+  // 4. Tell physics, and keep the books.
+  describe_hand(sample_, position_m, enabled);
+  link_.send(state_, now_ns);
+  count(safe, safe.force_n);
+
+  const std::uint64_t proxy_age_ns = proxy_.valid ? now_ns - proxy_.device_time_ns : 0;
+  if (proxy_.valid) counters_.proxy_age_ns.record(proxy_age_ns);
+  telemetry_.tick = counters_.ticks.load(std::memory_order_relaxed);
+  telemetry_.due_ns = due_ns;
+  telemetry_.device_time_ns = sample_.time_ns;
+  telemetry_.position_m = sample_.position_m;
+  telemetry_.velocity_m_s = state_.velocity_m_s;
+  telemetry_.proxy_position_m = to_array(rendered.proxy_position_m);
+  telemetry_.proxy_velocity_m_s = to_array(rendered.proxy_velocity_m_s);
+  telemetry_.rendered_force_n = to_array(rendered.force_n);
+  telemetry_.force_n = command.force_n;
+  telemetry_.energy_absorbed_j = safety_.passivity().absorbed_j();
+  telemetry_.energy_ledger_j = safety_.passivity().ledger_j();
+  telemetry_.gate = safe.gate;
+  telemetry_.proxy_sequence = proxy_.valid ? proxy_.sequence : 0;
+  telemetry_.proxy_age_ns = proxy_age_ns;
+  telemetry_.safety = safe.acted;
+  telemetry_.buttons = sample_.buttons;
+  if (measure_) {
+    const std::uint64_t wakeup_ns = began_ns > due_ns ? began_ns - due_ns : 0;
+    const std::uint64_t device_ns = (read_ns - began_ns) + (written_ns - computed_ns);
+    const std::uint64_t compute_ns = (rtbus::monotonic_ns() - began_ns) - device_ns;
+    counters_.wakeup_ns.record(wakeup_ns);
+    counters_.device_ns.record(device_ns);
+    counters_.compute_ns.record(compute_ns);
+    telemetry_.wakeup_us = static_cast<double>(wakeup_ns) * 1e-3;
+    telemetry_.compute_us = static_cast<double>(compute_ns) * 1e-3;
+    telemetry_.device_us = static_cast<double>(device_ns) * 1e-3;
+  }
+}
+
+void Loop::release(std::uint64_t now_ns) noexcept {
+  (void)device_.write(now_ns, drivers::ForceCommand{});
+  state_.enabled = 0;
+  state_.target_velocity_m_s = {};
+  link_.send(state_, now_ns);
+}
+
+void Loop::count_schedule(std::uint64_t due, std::uint64_t overruns) noexcept {
+  counters_.ticks_due.store(due, std::memory_order_relaxed);
+  counters_.overruns.store(overruns, std::memory_order_relaxed);
+}
+
+rtbus::LoopStats Loop::stats() const {
+  const auto load = [](const auto& counter) { return counter.load(std::memory_order_relaxed); };
+  const auto us = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-3; };
+  const auto ms = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-6; };
+  rtbus::LoopStats out;
+  out.rate_hz = config_.rate_hz;
+  out.wakeup_p50_us = us(counters_.wakeup_ns.percentile(0.50));
+  out.wakeup_p99_us = us(counters_.wakeup_ns.percentile(0.99));
+  out.wakeup_p999_us = us(counters_.wakeup_ns.percentile(0.999));
+  out.wakeup_max_us = us(counters_.wakeup_ns.max());
+  out.compute_p50_us = us(counters_.compute_ns.percentile(0.50));
+  out.compute_p99_us = us(counters_.compute_ns.percentile(0.99));
+  out.compute_max_us = us(counters_.compute_ns.max());
+  out.device_p50_us = us(counters_.device_ns.percentile(0.50));
+  out.device_p99_us = us(counters_.device_ns.percentile(0.99));
+  out.device_max_us = us(counters_.device_ns.max());
+  out.proxy_age_p50_ms = ms(counters_.proxy_age_ns.percentile(0.50));
+  out.proxy_age_p99_ms = ms(counters_.proxy_age_ns.percentile(0.99));
+  out.proxy_age_max_ms = ms(counters_.proxy_age_ns.max());
+  out.ticks_due = load(counters_.ticks_due);
+  out.ticks = load(counters_.ticks);
+  out.overruns = load(counters_.overruns);
+  out.force_rms_n = out.ticks > 0 ? std::sqrt(load(counters_.force_square_sum_n2) / static_cast<double>(out.ticks)) : 0.0;
+  out.force_peak_n = load(counters_.force_peak_n);
+  out.energy_absorbed_j = load(counters_.energy_absorbed_j);
+  out.energy_injected_j = load(counters_.energy_injected_j);
+  out.clamped = load(counters_.clamped);
+  out.slew_limited = load(counters_.slew_limited);
+  out.stale_ticks = load(counters_.stale_ticks);
+  out.nonfinite = load(counters_.nonfinite);
+  out.overspeed = load(counters_.overspeed);
+  out.thermal_limited = load(counters_.thermal_limited);
+  out.passivity_ticks = load(counters_.passivity_ticks);
+  out.device_lost = load(counters_.device_lost);
+  out.losses = load(counters_.losses);
+  out.last_loss_ns = load(counters_.last_loss_ns);
+  return out;
+}
+
+}  // namespace haptic

@@ -1,0 +1,113 @@
+#pragma once
+/// @file loop.hpp
+/// One cycle of the haptic loop: read the device, ask the force law, climb the safety ladder, write the force, tell
+/// physics. The realtime thread of the node and the simulated clock of the in-process harness run the same code.
+#include <atomic>
+#include <cstdint>
+#include <memory>
+
+#include "drivers/device.hpp"
+#include "haptic_node/link_monitor.hpp"
+#include "haptic_node/mapping.hpp"
+#include "haptic_node/node_config.hpp"
+#include "haptic_node/rendering/renderer.hpp"
+#include "haptic_node/safety.hpp"
+#include "haptic_node/velocity.hpp"
+#include "rtbus/histogram.hpp"
+#include "rtbus/messages.hpp"
+#include "rtbus/realtime.hpp"
+#include "rtbus/sample.hpp"
+
+namespace haptic {
+
+/// The loop's way to physics: the bus in a node, a queue with a chosen latency in the harness. @realtime Yes, all of it.
+class PhysicsLink {
+ public:
+  virtual ~PhysicsLink() = default;
+  /// Publishes the state of the hand, every cycle.
+  virtual void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING = 0;
+  /// The newest answer of physics; true when it is newer than the last one received.
+  [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING = 0;
+  /// The newest sign of life; true when it is newer than the last one received.
+  [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING = 0;
+};
+
+/// Counters of the loop. Written by the loop alone, readable by any thread at any time.
+struct LoopCounters {
+  std::atomic<std::uint64_t> ticks{0}, ticks_due{0}, overruns{0};
+  std::atomic<std::uint64_t> clamped{0}, slew_limited{0}, stale_ticks{0}, nonfinite{0}, overspeed{0}, thermal_limited{0},
+      passivity_ticks{0}, device_lost{0}, losses{0}, last_loss_ns{0};
+  std::atomic<double> force_square_sum_n2{0.0}, force_peak_n{0.0}, energy_absorbed_j{0.0}, energy_injected_j{0.0};
+  rtbus::Histogram wakeup_ns, compute_ns, device_ns, proxy_age_ns;
+};
+
+/// What happened in a cycle that somebody should be told once, not every tick.
+enum class LoopEvent : std::uint8_t { kNone, kLinkLost, kLinkAlive, kDeviceLost, kDeviceBack, kOverspeed, kClutched, kReleased };
+
+class Loop {
+ public:
+  /// @param device,link Outlive the loop. @param config Outlives the loop.
+  /// @param measure Record wake-up, compute and device time by the real clock; off under a simulated clock.
+  Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& link, bool measure);
+
+  /// One cycle. @param due_ns When it should have started. @param now_ns Now. @realtime Yes.
+  void cycle(std::uint64_t due_ns, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+
+  /// Zero force, at once, outside the ladder: the last thing a loop does. @realtime Yes.
+  void release(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+
+  /// Bookkeeping of the pacer, for the counters. @realtime Yes.
+  void count_schedule(std::uint64_t due, std::uint64_t overruns) noexcept RTBUS_NONBLOCKING;
+
+  /// The next untold event of the last cycle; kNone when there is none left. @realtime Yes.
+  [[nodiscard]] LoopEvent take_event() noexcept RTBUS_NONBLOCKING;
+
+  /// Everything about the last cycle. Loop's thread only.
+  [[nodiscard]] const rtbus::Telemetry& telemetry() const noexcept { return telemetry_; }
+  [[nodiscard]] const rtbus::DeviceState& device_state() const noexcept { return state_; }
+  [[nodiscard]] const Mapping& mapping() const noexcept { return mapping_; }
+  [[nodiscard]] const Renderer& renderer() const noexcept { return *renderer_; }
+
+  /// Counters and percentiles since start. Any thread; not realtime.
+  [[nodiscard]] rtbus::LoopStats stats() const;
+
+ private:
+  void take_news(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept RTBUS_NONBLOCKING;
+  void describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m, bool enabled) noexcept
+      RTBUS_NONBLOCKING;
+  void count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING;
+  void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;
+
+  const HapticConfig& config_;
+  drivers::Device& device_;
+  PhysicsLink& link_;
+  const bool measure_;
+  const double dt_s_;
+  Mapping mapping_;
+  std::unique_ptr<Renderer> renderer_;
+  VelocityEstimator velocity_;
+  SafetyLadder safety_;
+  LinkMonitor monitor_;
+
+  ProxyView proxy_;                               ///< Newest proxy, at the device.
+  rtbus::Stamped<rtbus::ProxyState> proxy_news_;
+  rtbus::Stamped<rtbus::Heartbeat> beat_news_;
+  drivers::DeviceSample sample_;
+  std::uint64_t last_sample_ns_ = 0;
+  bool device_ok_ = false;
+  bool link_alive_ = false;
+  bool overspeed_ = false;
+  bool clutched_ = false;
+  Eigen::Vector3d clutch_position_W_ = Eigen::Vector3d::Zero();  ///< Target held in W while clutched.
+
+  rtbus::DeviceState state_{};
+  rtbus::Telemetry telemetry_{};
+  LoopCounters counters_;
+  static constexpr std::size_t kMaxEvents = 8;
+  LoopEvent events_[kMaxEvents] = {};
+  std::size_t event_count_ = 0;
+  std::size_t event_next_ = 0;
+};
+
+}  // namespace haptic

@@ -1,0 +1,91 @@
+/// haptic_node: owns the device and the force. Order: read config → open topics → start device → lock memory and take
+/// priority → loop. Everything that may fail for a reason of the user's fails before the loop starts.
+#include <pthread.h>
+#include <signal.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+
+#include "haptic_node/node.hpp"
+#include "haptic_node/node_config.hpp"
+#include "rtbus/config/session.hpp"
+
+namespace {
+
+constexpr int kExitFailed = 1;
+constexpr int kExitUsage = 2;
+
+/// Blocks the signals that end the node in every thread; main() waits for them. SIGPIPE must not end anything.
+sigset_t block_ending_signals() {
+  sigset_t ending;
+  sigemptyset(&ending);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
+  pthread_sigmask(SIG_BLOCK, &ending, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+  return ending;
+}
+
+/// Stacks are locked into memory: 8 MiB for each thread would be waste.
+void use_small_stacks() {
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  pthread_attr_setstacksize(&attributes, 1024 * 1024);
+  pthread_setattr_default_np(&attributes);
+  pthread_attr_destroy(&attributes);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Haptic node: runs the force loop of one device of a session."};
+  std::string file;
+  std::string name;
+  std::vector<std::string> assignments;
+  app.add_option("--config", file, "Session file, for example config/wall.yaml")->required();
+  app.add_option("--name", name, "Which entry of `haptic:` to run; default: the first");
+  app.add_option("--set", assignments, "Change a key of the session: --set haptic.0.rate_hz=2000")->take_all();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+
+  spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_node"));
+  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
+  const sigset_t ending = block_ending_signals();
+  use_small_stacks();
+
+  std::unique_ptr<haptic::Node> node;
+  try {
+    std::vector<rtbus::config::Override> overrides;
+    for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
+    auto session = rtbus::config::load_session(file, overrides);
+    std::size_t index = 0;
+    if (!name.empty()) {
+      while (index < session.haptic.size() && session.haptic[index].name != name) ++index;
+      if (index == session.haptic.size()) throw rtbus::config::Error(file + ": no haptic entry is named " + name);
+    }
+    haptic::HapticConfig config = haptic::read_haptic_config(session, index);
+    auto opened = haptic::Node::open(std::move(config), session.session);
+    if (!opened) {
+      spdlog::error("{}", opened.error().message);
+      return kExitFailed;
+    }
+    node = std::move(*opened);
+  } catch (const rtbus::config::Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return kExitUsage;
+  }
+
+  if (auto started = node->start(); !started) {
+    spdlog::error("{}", started.error().message);
+    return kExitFailed;
+  }
+  int received = 0;
+  sigwait(&ending, &received);
+  spdlog::info("{}, ending at zero force", strsignal(received));
+  node->stop();
+  return 0;
+}

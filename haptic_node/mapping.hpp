@@ -1,0 +1,47 @@
+#pragma once
+/// @file mapping.hpp
+/// From the device's frame D to the world W and back: rotation, offset, scale of positions and of forces, clutch.
+#include <cstdint>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// x_W = offset + s·q_WD·x_D and F_W = force_scale·q_WD·F_D. With force_scale = 1/s power is preserved:
+/// F_W·v_W = F_D·v_D, and a stiffness K at the device is K/s² in the world.
+struct MappingConfig {
+  Eigen::Quaterniond q_WD = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();  ///< p_WD: where the device's origin is in the world.
+  double position_scale = 1.0;                         ///< s, metres of world per metre of device.
+  double force_scale = 1.0;                            ///< Newtons in the world per newton at the device.
+};
+
+/// @realtime Yes, all of it.
+class Mapping {
+ public:
+  explicit Mapping(const MappingConfig& config) noexcept;
+
+  [[nodiscard]] Eigen::Vector3d position_to_world(const Eigen::Vector3d& p_D) const noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] Eigen::Vector3d velocity_to_world(const Eigen::Vector3d& v_D) const noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] Eigen::Quaterniond orientation_to_world(const Eigen::Quaterniond& q_DT) const noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] Eigen::Vector3d position_to_device(const Eigen::Vector3d& p_W) const noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] Eigen::Vector3d velocity_to_device(const Eigen::Vector3d& v_W) const noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] Eigen::Vector3d force_to_device(const Eigen::Vector3d& f_W) const noexcept RTBUS_NONBLOCKING;
+
+  /// Shifts the offset so that the device at p_D is at p_W in the world. The set-point jumps there with it, so no
+  /// spring is stretched by the change; the epoch tells physics and force law to forget the old one.
+  void rebase(const Eigen::Vector3d& p_D, const Eigen::Vector3d& p_W) noexcept RTBUS_NONBLOCKING;
+
+  [[nodiscard]] const MappingConfig& config() const noexcept { return config_; }
+  [[nodiscard]] std::uint32_t epoch() const noexcept { return epoch_; }
+
+ private:
+  MappingConfig config_;
+  Eigen::Matrix3d rotation_WD_;
+  std::uint32_t epoch_ = 1;
+};
+
+}  // namespace haptic

@@ -1,0 +1,290 @@
+#include "haptic_node/node.hpp"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/pacer.hpp"
+#include "rtbus/subscription.hpp"
+#include "rtbus/topic.hpp"
+
+namespace haptic {
+
+namespace {
+
+constexpr std::uint64_t kHousePeriod_ns = 20 * rtbus::kNsPerMs;  // the heartbeat of docs/architecture.md
+constexpr int kStatsEvery = 10;                                  // 5 Hz
+constexpr int kInfoEvery = 50;                                   // 1 Hz
+
+template <std::size_t N>
+void set_text(rtbus::Text<N>& out, std::string_view text) {
+  out = {};
+  std::memcpy(out.data(), text.data(), std::min(text.size(), N - 1));
+}
+
+const char* describe(LoopEvent event) {
+  switch (event) {
+    case LoopEvent::kNone: break;
+    case LoopEvent::kLinkLost: return "physics is lost: force fades to zero";
+    case LoopEvent::kLinkAlive: return "physics is there: force ramps up";
+    case LoopEvent::kDeviceLost: return "the device does not answer: zero force";
+    case LoopEvent::kDeviceBack: return "the device answers";
+    case LoopEvent::kOverspeed: return "overspeed: force cut until the tip is slow again";
+    case LoopEvent::kClutched: return "clutch pressed: the tool waits where it is";
+    case LoopEvent::kReleased: return "clutch released: mapping re-based";
+  }
+  return "";
+}
+
+bool is_warning(LoopEvent event) {
+  return event == LoopEvent::kLinkLost || event == LoopEvent::kDeviceLost || event == LoopEvent::kOverspeed;
+}
+
+/// Ring that holds at least two seconds of ticks, for readers that follow in order.
+std::uint32_t two_seconds(double rate_hz) { return std::bit_ceil(static_cast<std::uint32_t>(2.0 * rate_hz)); }
+
+}  // namespace
+
+/// The node's ends of its topics, and the loop's link to physics over them.
+struct Node::Topics final : public PhysicsLink {
+  rtbus::Writer<rtbus::DeviceState> device_state;
+  rtbus::Writer<rtbus::Telemetry> telemetry;
+  rtbus::Writer<rtbus::LoopStats> loop_stats;
+  rtbus::Writer<rtbus::Heartbeat> heartbeat;
+  rtbus::Writer<rtbus::NodeInfo> node_info;
+  // Absent when the force law does not need physics.
+  std::unique_ptr<rtbus::Subscription<rtbus::ProxyState>> proxy_state;
+  std::unique_ptr<rtbus::Subscription<rtbus::Heartbeat>> physics_heartbeat;
+
+  Topics(rtbus::Writer<rtbus::DeviceState> a, rtbus::Writer<rtbus::Telemetry> b, rtbus::Writer<rtbus::LoopStats> c,
+         rtbus::Writer<rtbus::Heartbeat> d, rtbus::Writer<rtbus::NodeInfo> e)
+      : device_state(std::move(a)), telemetry(std::move(b)), loop_stats(std::move(c)), heartbeat(std::move(d)),
+        node_info(std::move(e)) {}
+
+  void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept override {
+    device_state.publish(state, now_ns);
+  }
+  bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept override {
+    return proxy_state && proxy_state->read_latest(out) == rtbus::ReadStatus::kFresh;
+  }
+  bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept override {
+    return physics_heartbeat && physics_heartbeat->read_latest(out) == rtbus::ReadStatus::kFresh;
+  }
+};
+
+Node::Node(HapticConfig config) : config_(std::move(config)) {}
+
+rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, const rtbus::Session& session) {
+  std::unique_ptr<Node> node(new Node(std::move(config)));
+  const HapticConfig& settings = node->config_;
+
+  std::string failed;
+  const auto create = [&]<class T>(std::type_identity<T>, const char* subject, std::uint32_t capacity) {
+    const std::string topic = settings.name + "." + subject;
+    auto writer = rtbus::Writer<T>::create(session, topic, {.capacity = capacity});
+    if (!writer && failed.empty()) {
+      failed = "session " + session.name + ": topic " + topic + ": " + rtbus::to_string(writer.error());
+    }
+    return writer;
+  };
+  const std::uint32_t history = two_seconds(settings.rate_hz);
+  auto device_state = create(std::type_identity<rtbus::DeviceState>{}, "device_state", history);
+  auto telemetry = create(std::type_identity<rtbus::Telemetry>{}, "telemetry", history);
+  auto loop_stats = create(std::type_identity<rtbus::LoopStats>{}, "loop_stats", 16);
+  auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", 16);
+  auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "node_info", 4);
+  if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
+  node->topics_ = std::make_unique<Topics>(std::move(*device_state), std::move(*telemetry), std::move(*loop_stats),
+                                           std::move(*heartbeat), std::move(*node_info));
+
+  auto device = settings.device->open({.session = session, .node_name = settings.name});
+  if (!device) return rtbus::Failure{NodeFault{settings.name + ": " + device.error().message}};
+  node->device_ = std::move(*device);
+  node->loop_ = std::make_unique<Loop>(settings, *node->device_, *node->topics_, true);
+  if (node->loop_->renderer().needs_physics()) {
+    node->topics_->proxy_state = std::make_unique<rtbus::Subscription<rtbus::ProxyState>>(
+        session, "physics.proxy_state." + settings.name, rtbus::ReaderOptions{});
+    node->topics_->physics_heartbeat =
+        std::make_unique<rtbus::Subscription<rtbus::Heartbeat>>(session, "physics.heartbeat", rtbus::ReaderOptions{});
+  }
+  return node;
+}
+
+Node::~Node() { stop(); }
+
+std::string Node::left_out() const {
+  std::string text = "libusb, USB I/O thread";
+  if (config_.device->info().dof_actuated < 6) text += ", torque path";
+  if (!loop_->renderer().needs_physics()) text += ", physics link";
+  text += ", telemetry while nobody looks";
+  return text;
+}
+
+rtbus::Result<void, NodeFault> Node::start() {
+  const drivers::DeviceInfo& device = device_->info();
+  if (auto started = device_->start(rtbus::monotonic_ns()); !started) {
+    return rtbus::Failure{NodeFault{config_.name + ": " + started.error().message}};
+  }
+  spdlog::info("{}: {} at {:g} Hz, clock {}, method {}, K {:g} N/m, B {:g} N s/m, limit {:g} N", config_.name, device.model,
+               config_.rate_hz, config_.clock == LoopClock::kTimer ? "timer" : "device", config_.method,
+               config_.stiffness_n_per_m, config_.damping_n_s_per_m, config_.safety.max_force_n);
+  if (config_.stiffness_n_per_m < config_.stiffness_requested_n_per_m) {
+    spdlog::warn("{}: requested stiffness {:g} N/m lowered to {:g} N/m, the limit of {}", config_.name,
+                 config_.stiffness_requested_n_per_m, config_.stiffness_n_per_m, device.model);
+  }
+  spdlog::info("{}: passive by its own viscous damping up to 2(b - |B|)/T = {:g} N/m", config_.name,
+               config_.passive_stiffness_n_per_m());
+  spdlog::info("{}: left out: {}", config_.name, left_out());
+
+  loop_thread_ = std::thread([this] { loop_thread(); });
+  // The loop reports what it was granted before its first cycle.
+  while (!granted_.load(std::memory_order_acquire)) std::this_thread::yield();
+  spdlog::info("{}: granted: {}", config_.name, grant_.summary());
+  for (const std::string& warning : grant_.warnings) spdlog::warn("{}: {}", config_.name, warning);
+  house_thread_ = std::thread([this] { house_thread(); });
+  if (config_.realtime_enforce && !grant_.fifo) {
+    stop();
+    return rtbus::Failure{NodeFault{config_.name + ": realtime.policy is enforce and SCHED_FIFO was not granted"}};
+  }
+  return {};
+}
+
+void Node::stop() noexcept {
+  stop_.store(true, std::memory_order_release);
+  if (loop_thread_.joinable()) loop_thread_.join();
+  house_stop_.store(true, std::memory_order_release);
+  if (house_thread_.joinable()) house_thread_.join();
+  if (device_) device_->stop();
+}
+
+void Node::loop_thread() noexcept {
+  rtbus::name_this_thread("haptic_loop");
+  grant_ = rtbus::enter_realtime(config_.realtime);
+  granted_.store(true, std::memory_order_release);
+  if (!(config_.realtime_enforce && !grant_.fifo)) {
+    const std::uint64_t start_ns = rtbus::monotonic_ns();
+    if (config_.clock == LoopClock::kTimer) {
+      run_timer(start_ns);
+    } else {
+      run_device(start_ns);
+    }
+  }
+  loop_->release(rtbus::monotonic_ns());
+  rtbus::leave_realtime();
+}
+
+void Node::after_cycle() noexcept {
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  last_tick_ns_.store(now_ns, std::memory_order_relaxed);
+  if (observed_.load(std::memory_order_relaxed)) topics_->telemetry.publish(loop_->telemetry(), now_ns);
+  for (LoopEvent event = loop_->take_event(); event != LoopEvent::kNone; event = loop_->take_event()) {
+    const rtbus::Telemetry& t = loop_->telemetry();
+    events_.push(now_ns, static_cast<std::int32_t>(event), t.force_n[0], t.force_n[1], t.force_n[2]);
+  }
+}
+
+void Node::run_timer(std::uint64_t start_ns) noexcept {
+  rtbus::Pacer pacer(start_ns, config_.period_ns());
+  const auto spin_ns = static_cast<std::uint64_t>(config_.spin_s * 1e9);
+  while (!stop_.load(std::memory_order_relaxed)) {
+    const std::uint64_t due_ns = pacer.due_ns();
+    rtbus::sleep_until(due_ns - spin_ns);
+    std::uint64_t now_ns = rtbus::monotonic_ns();
+    while (now_ns < due_ns) now_ns = rtbus::monotonic_ns();  // the spin tail, bounded by spin_us
+    loop_->cycle(due_ns, now_ns);
+    after_cycle();
+    pacer.advance(rtbus::monotonic_ns());
+    loop_->count_schedule(pacer.due(), pacer.overruns());
+  }
+}
+
+void Node::run_device(std::uint64_t start_ns) noexcept {
+  // The device paces: a cycle starts when its sample is there, or after two periods without one, so that a silent device
+  // still gets its zero force and the counters go on. Periods without a cycle are overruns, as with the timer.
+  const std::uint64_t period_ns = config_.period_ns();
+  std::uint64_t served = 0;
+  std::uint64_t last_ns = start_ns;
+  while (!stop_.load(std::memory_order_relaxed)) {
+    (void)device_->wait_sample(last_ns + 2 * period_ns);
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    loop_->cycle(now_ns, now_ns);
+    after_cycle();
+    ++served;
+    last_ns = now_ns;
+    const std::uint64_t due = (now_ns - start_ns + period_ns / 2) / period_ns;
+    loop_->count_schedule(std::max(due, served), due > served ? due - served : 0);
+  }
+}
+
+void Node::publish_stats(double achieved_hz) noexcept {
+  rtbus::LoopStats stats = loop_->stats();
+  stats.achieved_hz = achieved_hz;
+  topics_->loop_stats.publish(stats, rtbus::monotonic_ns());
+}
+
+void Node::house_thread() noexcept {
+  rtbus::name_this_thread("haptic_house");
+  rtbus::NodeInfo info;
+  set_text(info.role, "haptic");
+  set_text(info.kind, device_->info().model);
+  set_text(info.method, config_.method);
+  set_text(info.clock, config_.clock == LoopClock::kTimer ? "timer" : "device");
+  set_text(info.scheduling, grant_.scheduling());
+  set_text(info.realtime, grant_.summary());
+  set_text(info.left_out, left_out());
+  info.rate_hz = config_.rate_hz;
+  info.force_limit_n = config_.safety.max_force_n;
+  info.stiffness_requested_n_per_m = config_.stiffness_requested_n_per_m;
+  info.stiffness_rendered_n_per_m = config_.stiffness_n_per_m;
+  info.core = static_cast<std::uint32_t>(grant_.core);
+
+  rtbus::Heartbeat beat;
+  beat.pid = static_cast<std::uint32_t>(getpid());
+  beat.work_period_ns = config_.period_ns();
+  std::uint64_t last_count_ns = rtbus::monotonic_ns();
+  std::uint64_t last_ticks = 0;
+  double achieved_hz = 0.0;
+  const auto drain = [this] {
+    events_.drain([this](const rtbus::Event& record) {
+      const auto event = static_cast<LoopEvent>(record.code);
+      spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));
+    });
+  };
+
+  std::uint64_t due_ns = rtbus::monotonic_ns();
+  for (int round = 0; !house_stop_.load(std::memory_order_acquire); ++round) {
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    beat.beats++;
+    beat.last_work_ns = last_tick_ns_.load(std::memory_order_relaxed);
+    beat.state = static_cast<std::uint32_t>(stop_.load() ? rtbus::NodeState::kStopping : rtbus::NodeState::kRunning);
+    topics_->heartbeat.publish(beat, now_ns);
+    if (topics_->proxy_state) topics_->proxy_state->maintain();
+    if (topics_->physics_heartbeat) topics_->physics_heartbeat->maintain();
+    device_->maintain();
+    observed_.store(topics_->telemetry.observed(), std::memory_order_relaxed);
+    drain();
+    if (round % kStatsEvery == 0) publish_stats(achieved_hz);
+    if (round % kInfoEvery == 0) {
+      topics_->node_info.publish(info, now_ns);
+      const std::uint64_t ticks = loop_->stats().ticks;
+      if (const double elapsed_s = rtbus::seconds_between(last_count_ns, now_ns); elapsed_s > 0.5) {
+        achieved_hz = static_cast<double>(ticks - last_ticks) / elapsed_s;
+        last_ticks = ticks;
+        last_count_ns = now_ns;
+      }
+    }
+    due_ns = std::max(due_ns + kHousePeriod_ns, now_ns);
+    rtbus::sleep_until(due_ns);
+  }
+  beat.beats++;
+  beat.state = static_cast<std::uint32_t>(rtbus::NodeState::kStopping);
+  topics_->heartbeat.publish(beat, rtbus::monotonic_ns());
+  publish_stats(achieved_hz);
+  drain();
+}
+
+}  // namespace haptic

@@ -1,0 +1,64 @@
+#pragma once
+/// @file node.hpp
+/// The haptic node: device, loop and topics put together, with the realtime thread and its housekeeping.
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <thread>
+
+#include "drivers/device.hpp"
+#include "haptic_node/loop.hpp"
+#include "haptic_node/node_config.hpp"
+#include "rtbus/event_log.hpp"
+#include "rtbus/realtime.hpp"
+#include "rtbus/segment.hpp"
+
+namespace haptic {
+
+/// Why a node does not start; the sentence is for the user.
+struct NodeFault {
+  std::string message;
+};
+
+/// Threads: `haptic_loop` (SCHED_FIFO) runs the cycle; `haptic_house` (SCHED_OTHER) sends the heartbeat, re-attaches
+/// topics, publishes statistics and drains the event log. Nothing that the loop needs is shared with a lock.
+class Node {
+ public:
+  /// Opens topics and device, in this order; nothing is left behind when it fails.
+  [[nodiscard]] static rtbus::Result<std::unique_ptr<Node>, NodeFault> open(HapticConfig config,
+                                                                            const rtbus::Session& session);
+  ~Node();
+
+  /// Starts both threads. Fails when `realtime.policy: enforce` was not granted.
+  [[nodiscard]] rtbus::Result<void, NodeFault> start();
+
+  /// Ends the loop at zero force, stops the device, publishes the last statistics. Idempotent.
+  void stop() noexcept;
+
+ private:
+  struct Topics;
+  explicit Node(HapticConfig config);
+  void loop_thread() noexcept;
+  void run_timer(std::uint64_t start_ns) noexcept;
+  void run_device(std::uint64_t start_ns) noexcept;
+  void after_cycle() noexcept RTBUS_NONBLOCKING;
+  void house_thread() noexcept;
+  void publish_stats(double achieved_hz) noexcept;
+  [[nodiscard]] std::string left_out() const;
+
+  HapticConfig config_;
+  std::unique_ptr<Topics> topics_;
+  std::unique_ptr<drivers::Device> device_;
+  std::unique_ptr<Loop> loop_;
+  rtbus::EventLog events_;
+  rtbus::RealtimeGrant grant_;
+  std::atomic<bool> granted_{false};
+  std::atomic<bool> stop_{false};
+  std::atomic<bool> house_stop_{false};
+  std::atomic<bool> observed_{false};  ///< Somebody reads the telemetry.
+  std::atomic<std::uint64_t> last_tick_ns_{0};
+  std::thread loop_thread_;
+  std::thread house_thread_;
+};
+
+}  // namespace haptic

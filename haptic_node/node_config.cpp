@@ -1,0 +1,169 @@
+#include "haptic_node/node_config.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "haptic_node/rendering/registry.hpp"
+
+namespace haptic {
+
+namespace {
+
+using rtbus::config::Map;
+
+/// Hand speed that the slew limit must be able to follow on the stiffest spring (docs/safety.md).
+constexpr double kSlewHandSpeed_m_s = 0.6;
+
+std::string format_number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+Eigen::Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
+
+void read_mapping(Map& entry, HapticConfig& out) {
+  auto map = entry.optional_map("mapping");
+  if (!map) return;
+  const auto q = map->numbers("rotation_wxyz", 4, {-1.0, 1.0}, {1.0, 0.0, 0.0, 0.0});
+  const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
+  if (std::abs(rotation.norm() - 1.0) > 1e-3) {
+    map->fail("rotation_wxyz", "is not a unit quaternion (w, x, y, z): its norm is " + format_number(rotation.norm()));
+  }
+  out.mapping.q_WD = rotation.normalized();
+  out.mapping.offset_m = to_vector(map->numbers("offset_m", 3, {-1e3, 1e3}, {0.0, 0.0, 0.0}));
+  out.mapping.position_scale = map->number("position_scale", {1e-3, 1e3}, 1.0);
+  out.mapping.force_scale = map->number("force_scale", {1e-3, 1e3}, 1.0 / out.mapping.position_scale);
+  if (map->has("clutch_button")) out.clutch_button = static_cast<int>(map->integer("clutch_button", 0, 31, 0));
+  map->finish();
+}
+
+void read_safety(Map& entry, HapticConfig& out) {
+  const drivers::DeviceInfo& device = out.device->info();
+  SafetyConfig& safety = out.safety;
+  safety.max_force_n = device.max_force_n;
+  safety.continuous_force_n = std::min(device.continuous_force_n, device.max_force_n);
+  safety.thermal_time_constant_s = device.thermal_time_constant_s;
+  safety.slew_n_per_ms = device.max_slew_n_per_ms;
+  safety.overspeed_m_s = device.max_speed_m_s;
+  // 2·K·v in N/s: less would make the wall itself slew-limited at ordinary speeds.
+  const double slew_floor_n_per_ms = 2.0 * out.stiffness_n_per_m * kSlewHandSpeed_m_s * 1e-3;
+
+  if (auto map = entry.optional_map("safety")) {
+    safety.max_force_n = map->number("max_force_n", {0.0, 1e3}, safety.max_force_n);
+    if (safety.max_force_n > device.max_force_n) {
+      map->fail("max_force_n", "exceeds " + format_number(device.max_force_n) + " N, the limit of " + device.model +
+                                   "; lower it or leave it out");
+    }
+    safety.continuous_force_n = std::min(safety.continuous_force_n, safety.max_force_n);
+    safety.slew_n_per_ms = map->number("slew_n_per_ms", {1e-3, 1e3}, safety.slew_n_per_ms);
+    if (safety.slew_n_per_ms > device.max_slew_n_per_ms) {
+      map->fail("slew_n_per_ms", "exceeds " + format_number(device.max_slew_n_per_ms) + " N/ms, the limit of " +
+                                     device.model + "; lower it or leave it out");
+    }
+    if (safety.slew_n_per_ms < slew_floor_n_per_ms) {
+      map->fail("slew_n_per_ms", "is below 2*K*v = " + format_number(slew_floor_n_per_ms) + " N/ms for K = " +
+                                     format_number(out.stiffness_n_per_m) +
+                                     " N/m and a hand at 0.6 m/s: the wall would lag; raise it or lower the stiffness");
+    }
+    safety.start_ramp_s = map->number("start_ramp_ms", {0.0, 1e4}, 200.0) * 1e-3;
+    safety.resume_ramp_s = map->number("resume_ramp_ms", {10.0, 1e4}, 100.0) * 1e-3;
+    safety.overspeed_m_s = map->number("overspeed_m_s", {0.1, 1e2}, safety.overspeed_m_s);
+    safety.stale_fade_s = map->number("stale_fade_ms", {0.0, 40.0}, 40.0) * 1e-3;
+    out.link.loss_timeout_s = map->number("loss_timeout_ms", {25.0, 1000.0}, 55.0) * 1e-3;
+    map->finish();
+  } else if (safety.slew_n_per_ms < slew_floor_n_per_ms) {
+    safety.slew_n_per_ms = slew_floor_n_per_ms;
+  }
+
+  PassivityConfig& passivity = safety.passivity;
+  // A spring of this stiffness cannot hold more than this when its force is at the limit.
+  passivity.reservoir_max_j =
+      safety.max_force_n * safety.max_force_n / (2.0 * std::max(out.stiffness_n_per_m, 1.0));
+  // A tenth of m/T: the injected damper stays well inside its own sampled-data limit (2m/T) and its noise small.
+  passivity.damping_max_n_s_per_m = 0.1 * device.apparent_mass_kg * out.rate_hz;
+  passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
+  passivity.coulomb_friction_n = device.coulomb_friction_n;
+}
+
+void read_realtime(Map& entry, HapticConfig& out) {
+  auto map = entry.optional_map("realtime");
+  if (!map) return;
+  out.realtime_enforce = map->choice("policy", {"warn", "enforce"}, "warn") == "enforce";
+  out.realtime.priority = static_cast<int>(map->integer("priority", 1, 98, 80));
+  if (map->has("core")) {
+    // "auto" or a CPU number.
+    const std::string core = map->text("core");
+    if (core != "auto") {
+      if (core.empty() || core.size() > 4 || core.find_first_not_of("0123456789") != std::string::npos) {
+        map->fail("core", "is neither auto nor a CPU number");
+      }
+      out.realtime.core = std::stoi(core);
+    }
+  }
+  out.realtime.lock_memory = map->boolean("lock_memory", true);
+  out.realtime.hold_dma_latency = map->boolean("hold_dma_latency", true);
+  out.spin_s = map->number("spin_us", {0.0, 200.0}, 0.0) * 1e-6;
+  if (out.spin_s * out.rate_hz > 0.5) {
+    map->fail("spin_us", "is more than half the period of the loop; lower it, or the core does nothing else");
+  }
+  map->finish();
+}
+
+}  // namespace
+
+std::uint64_t HapticConfig::period_ns() const noexcept { return static_cast<std::uint64_t>(std::llround(1e9 / rate_hz)); }
+
+double HapticConfig::passive_stiffness_n_per_m() const noexcept {
+  return std::max(0.0, 2.0 * (device->info().viscous_damping_n_s_per_m - std::abs(damping_n_s_per_m)) * rate_hz);
+}
+
+HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size_t index) {
+  Map& entry = session.haptic.at(index).map;
+  HapticConfig out;
+  out.name = session.haptic.at(index).name;
+  (void)entry.has("name");
+
+  auto device_file = entry.file_or_map("device");
+  out.device = drivers::parse_device(device_file);
+  const drivers::DeviceInfo& device = out.device->info();
+
+  out.rate_hz = entry.number("rate_hz", {500.0, 10000.0}, 1000.0);
+  out.clock = entry.choice("clock", {"timer", "device"}, "timer") == "device" ? LoopClock::kDevice : LoopClock::kTimer;
+  if (out.clock == LoopClock::kDevice && !device.can_pace_loop) {
+    entry.fail("clock", "needs a device that wakes the loop, which " + device.model + " does not; use timer");
+  }
+
+  std::vector<std::string> methods;
+  for (const RendererEntry& row : registered_renderers()) methods.emplace_back(row.name);
+  out.method = entry.choice("method", methods);
+  const RendererEntry* method = find_renderer(out.method);
+  if (method->needs_physics && !session.physics) {
+    entry.fail("method", "needs physics, and the session has no physics section; add one, or use direct");
+  }
+  out.shapes = session.scene.static_shapes();
+  if (!method->needs_physics && out.shapes.empty()) {
+    entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");
+  }
+
+  auto coupling = entry.map("coupling");
+  out.stiffness_requested_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
+  out.damping_n_s_per_m = coupling.number("damping_n_s_per_m", {0.0, 1e3}, 0.0);
+  coupling.finish();
+  out.stiffness_n_per_m = std::min(out.stiffness_requested_n_per_m, device.max_stiffness_n_per_m);
+
+  read_mapping(entry, out);
+  out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {1.0, 5000.0}, 100.0);
+  if (entry.has("enable_button")) out.enable_button = static_cast<int>(entry.integer("enable_button", 0, 31, 0));
+  if (out.enable_button >= 0 && out.enable_button == out.clutch_button) {
+    entry.fail("enable_button", "is also mapping.clutch_button; give them different buttons");
+  }
+  read_safety(entry, out);
+  read_realtime(entry, out);
+  (void)entry.optional_map("proxy");  // physics reads it
+  entry.finish();
+  return out;
+}
+
+}  // namespace haptic

@@ -1,0 +1,50 @@
+#pragma once
+/// @file node_config.hpp
+/// One entry of `haptic:` in a session file, checked. config/README.md lists every key.
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "drivers/registry.hpp"
+#include "haptic_node/link_monitor.hpp"
+#include "haptic_node/mapping.hpp"
+#include "haptic_node/safety.hpp"
+#include "rtbus/config/document.hpp"
+#include "rtbus/config/session.hpp"
+#include "rtbus/realtime.hpp"
+#include "rtbus/shapes/shapes.hpp"
+
+namespace haptic {
+
+enum class LoopClock : std::uint8_t { kTimer, kDevice };
+
+struct HapticConfig {
+  std::string name;                 ///< "haptic0"
+  double rate_hz = 1000.0;
+  LoopClock clock = LoopClock::kTimer;
+  std::string method;               ///< A row of rendering/registry.cpp.
+  double stiffness_requested_n_per_m = 0.0;
+  double stiffness_n_per_m = 0.0;   ///< Rendered: lowered to what the device allows.
+  double damping_n_s_per_m = 0.0;
+  MappingConfig mapping;
+  int clutch_button = -1;           ///< −1: no clutch.
+  int enable_button = -1;           ///< −1: forces act from the start; else only while this button is held.
+  double velocity_cutoff_hz = 100.0;
+  SafetyConfig safety;
+  LinkMonitorConfig link;
+  bool realtime_enforce = false;
+  rtbus::RealtimeRequest realtime;
+  double spin_s = 0.0;              ///< Tail of each sleep that is spent spinning.
+  std::unique_ptr<drivers::DeviceConfig> device;
+  std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene.
+
+  [[nodiscard]] std::uint64_t period_ns() const noexcept;
+  /// K_max = 2(b − |B|)/T [N/m]: the stiffest sampled wall that this device renders passively by its own viscous damping
+  /// alone (J. E. Colgate, G. Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14(1), 1997).
+  [[nodiscard]] double passive_stiffness_n_per_m() const noexcept;
+};
+
+/// Reads entry `index` of the session. Throws rtbus::config::Error.
+[[nodiscard]] HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size_t index);
+
+}  // namespace haptic

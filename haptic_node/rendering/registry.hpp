@@ -1,0 +1,34 @@
+#pragma once
+/// @file registry.hpp
+/// Force laws by their name in YAML. One row per law in registry.cpp.
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "haptic_node/mapping.hpp"
+#include "haptic_node/rendering/renderer.hpp"
+#include "rtbus/shapes/shapes.hpp"
+
+namespace haptic {
+
+/// What a law may be made from.
+struct RendererContext {
+  double stiffness_n_per_m = 0.0;  ///< At the device, after its limit.
+  double damping_n_s_per_m = 0.0;
+  const Mapping& mapping;          ///< Outlives the renderer.
+  std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene, in W.
+};
+
+struct RendererEntry {
+  std::string_view name;
+  bool needs_physics;
+  std::unique_ptr<Renderer> (*make)(const RendererContext& context);
+};
+
+[[nodiscard]] std::span<const RendererEntry> registered_renderers() noexcept;
+
+/// Null when no law has that name.
+[[nodiscard]] const RendererEntry* find_renderer(std::string_view name) noexcept;
+
+}  // namespace haptic

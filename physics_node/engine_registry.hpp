@@ -1,0 +1,38 @@
+#pragma once
+/// @file engine_registry.hpp
+/// The engines this build knows, one row each.
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "physics_node/world.hpp"
+#include "rtbus/config/scene.hpp"
+
+namespace physics {
+
+/// Makes a world from a checked scene. An engine that lives in a module of its own loads it in here, so that a session
+/// which names another engine never maps it. Throws rtbus::config::Error when the engine cannot do what the scene asks.
+using EngineFactory = std::unique_ptr<World> (*)(const rtbus::config::Scene& scene);
+
+struct EngineEntry {
+  std::string_view name;         ///< In YAML, `physics.engine`.
+  std::string_view description;  ///< One line for people.
+  std::string_view left_out;     ///< Comma-separated: what a session with this engine does without.
+  EngineFactory factory;
+};
+
+/// All rows, in the order in which they are listed to the user.
+[[nodiscard]] std::span<const EngineEntry> registered_engines() noexcept;
+
+[[nodiscard]] std::vector<std::string> engine_names();
+
+/// Null when there is no row of that name.
+[[nodiscard]] const EngineEntry* find_engine(std::string_view name) noexcept;
+
+/// The world of `scene` in the engine of that name. Throws rtbus::config::Error, which lists the engines when the name is
+/// unknown and names the body when the engine cannot do it.
+[[nodiscard]] std::unique_ptr<World> make_world(std::string_view engine, const rtbus::config::Scene& scene);
+
+}  // namespace physics

@@ -1,0 +1,93 @@
+/// physics_node: owns the world. Order: read config → open topics → loop. Everything that may fail for a reason of the
+/// user's fails before the loop starts.
+#include <pthread.h>
+#include <signal.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <string.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "physics_node/engine_registry.hpp"
+#include "physics_node/node.hpp"
+#include "physics_node/node_config.hpp"
+#include "rtbus/config/session.hpp"
+
+namespace {
+
+constexpr int kExitFailed = 1;
+constexpr int kExitUsage = 2;
+
+/// Blocks the signals that end the node in every thread; main() waits for them. SIGPIPE must not end anything.
+sigset_t block_ending_signals() {
+  sigset_t ending;
+  sigemptyset(&ending);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
+  pthread_sigmask(SIG_BLOCK, &ending, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+  return ending;
+}
+
+std::string help_footer() {
+  std::string text = "Engines (physics.engine):\n";
+  for (const physics::EngineEntry& engine : physics::registered_engines()) {
+    text += "  " + std::string(engine.name) + "  " + std::string(engine.description) + "\n";
+  }
+  text +=
+      "\nReads <haptic>.device_state of every haptic entry of the session; publishes physics.proxy_state.<haptic>,\n"
+      "physics.heartbeat, physics.step_stats and physics.node_info. SIGINT or SIGTERM ends it and removes its topics.\n"
+      "Exit status: 0 ended by a signal, 1 failed (for example: another physics node runs this session),\n"
+      "2 wrong usage or configuration.";
+  return text;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Physics node: simulates the world of a session and the proxy of each of its haptic devices."};
+  std::string file;
+  std::vector<std::string> assignments;
+  app.add_option("--config", file, "Session file, for example config/wall.yaml")->required();
+  app.add_option("--set", assignments, "Change a key of the session, as often as needed: --set physics.throttle_hz=18")
+      ->take_all();
+  app.footer(help_footer());
+  app.failure_message([](const CLI::App*, const CLI::Error& error) {
+    return "physics_node: " + std::string(error.what()) + " (--help lists the options)\n";
+  });
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+
+  spdlog::set_default_logger(spdlog::stderr_color_mt("physics_node"));
+  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
+  const sigset_t ending = block_ending_signals();
+
+  std::unique_ptr<physics::Node> node;
+  try {
+    std::vector<rtbus::config::Override> overrides;
+    for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
+    rtbus::config::SessionConfig session = rtbus::config::load_session(file, overrides);
+    auto opened = physics::Node::open(physics::read_node_config(session));
+    if (!opened) {
+      std::fprintf(stderr, "%s\n", opened.error().message.c_str());
+      return kExitFailed;
+    }
+    node = std::move(*opened);
+  } catch (const rtbus::config::Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return kExitUsage;
+  }
+
+  node->start();
+  int received = 0;
+  sigwait(&ending, &received);
+  spdlog::info("physics: {}, ending", strsignal(received));
+  node->stop();
+  return 0;
+}

@@ -1,0 +1,236 @@
+#include "physics_node/node.hpp"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "physics_node/engine_registry.hpp"
+#include "rtbus/clock.hpp"
+#include "rtbus/pacer.hpp"
+#include "rtbus/realtime.hpp"
+#include "rtbus/subscription.hpp"
+#include "rtbus/topic.hpp"
+
+namespace physics {
+namespace {
+
+constexpr int kStatsEvery = 10;  // beats: 5 Hz
+constexpr int kInfoEvery = 50;   // 1 Hz
+constexpr std::uint64_t kLongestNapNs = 20 * rtbus::kNsPerMs;  // a stop waits no longer than this
+
+template <std::size_t N>
+void set_text(rtbus::Text<N>& out, std::string_view text) {
+  out = {};
+  std::memcpy(out.data(), text.data(), std::min(text.size(), N - 1));
+}
+
+}  // namespace
+
+/// The node's ends of its topics.
+struct Node::Topics {
+  rtbus::Writer<rtbus::Heartbeat> heartbeat;
+  rtbus::Writer<rtbus::StepStats> step_stats;
+  rtbus::Writer<rtbus::NodeInfo> node_info;
+  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;                            // one per haptic node
+  std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
+};
+
+Node::Node(NodeConfig config) : config_(std::move(config)), heard_ns_(config_.proxies.size(), 0) {}
+
+Node::~Node() { stop(); }
+
+rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
+  std::unique_ptr<Node> node(new Node(std::move(config)));
+  const NodeConfig& settings = node->config_;
+  node->stepper_ = std::make_unique<Stepper>(make_world(settings.physics.engine, settings.scene), settings.proxies,
+                                             settings.physics.parts_per_step());
+
+  std::string failed;
+  const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
+    auto writer = rtbus::Writer<T>::create(settings.session, topic, {.capacity = capacity});
+    if (!writer && failed.empty()) {
+      failed = "session " + settings.session.name + ": topic " + topic + ": " + rtbus::to_string(writer.error());
+    }
+    return writer;
+  };
+  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;
+  for (const ProxyConfig& proxy : settings.proxies) {
+    auto writer = create(std::type_identity<rtbus::ProxyState>{}, "physics.proxy_state." + proxy.device, 1024);
+    if (writer) proxy_states.push_back(std::move(*writer));
+  }
+  auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "physics.heartbeat", 16);
+  auto step_stats = create(std::type_identity<rtbus::StepStats>{}, "physics.step_stats", 16);
+  auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
+  if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
+
+  node->topics_ = std::make_unique<Topics>(
+      Topics{std::move(*heartbeat), std::move(*step_stats), std::move(*node_info), std::move(proxy_states)});
+  for (const ProxyConfig& proxy : settings.proxies) {
+    node->topics_->device_states.push_back(std::make_unique<rtbus::Subscription<rtbus::DeviceState>>(
+        settings.session, proxy.device + ".device_state"));
+  }
+  return node;
+}
+
+void Node::start() {
+  const PhysicsConfig& physics = config_.physics;
+  const EngineEntry* engine = find_engine(physics.engine);
+  if (physics.throttle_hz) {
+    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step", physics.engine,
+                 config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), *physics.throttle_hz,
+                 physics.parts_per_step());
+  } else {
+    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {:g} Hz, {} parts per step", physics.engine,
+                 config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.rate_hz,
+                 physics.parts_per_step());
+  }
+  spdlog::info("physics: left out: {}", engine->left_out);
+  beat_thread_ = std::thread([this] { beat_thread(); });
+  step_thread_ = std::thread([this] { step_thread(); });
+}
+
+void Node::stop() noexcept {
+  stop_steps_.store(true, std::memory_order_release);
+  if (step_thread_.joinable()) step_thread_.join();
+  stop_beats_.store(true, std::memory_order_release);
+  if (beat_thread_.joinable()) beat_thread_.join();
+}
+
+std::uint64_t Node::period_ns() const noexcept {
+  return static_cast<std::uint64_t>(std::llround(config_.physics.step_s() * 1e9));
+}
+
+bool Node::sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept {
+  while (!stop_steps_.load(std::memory_order_acquire)) {
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    if (now_ns >= deadline_ns) return true;
+    rtbus::sleep_until(std::min(deadline_ns, now_ns + kLongestNapNs));
+  }
+  return false;
+}
+
+void Node::read_devices() noexcept {
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  for (std::size_t i = 0; i < heard_ns_.size(); ++i) {
+    rtbus::Stamped<rtbus::DeviceState> sample;
+    if (topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh) {
+      stepper_->set_device(i, sample.value, sample.sequence);
+      heard_ns_[i] = now_ns;
+    } else if (heard_ns_[i] != 0 && now_ns - heard_ns_[i] > kDeviceSilentNs) {
+      stepper_->hold_target(i);
+      heard_ns_[i] = 0;
+    }
+  }
+}
+
+void Node::publish_answers(std::uint64_t compute_ns) noexcept {
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  for (std::size_t i = 0; i < topics_->proxy_states.size(); ++i) {
+    rtbus::ProxyState state = stepper_->answer(i);
+    state.step_compute_s = static_cast<double>(compute_ns) * 1e-9;
+    topics_->proxy_states[i].publish(state, now_ns);
+  }
+  last_compute_ns_.store(compute_ns, std::memory_order_relaxed);
+  last_work_ns_.store(now_ns, std::memory_order_relaxed);
+}
+
+void Node::step_thread() noexcept {
+  rtbus::name_this_thread("physics_step");
+  const double step_s = config_.physics.step_s();
+  const bool throttled = config_.physics.throttle_hz.has_value();
+  rtbus::Pacer pacer(rtbus::monotonic_ns(), period_ns());
+
+  while (sleep_unless_stopped(pacer.due_ns())) {
+    read_devices();
+    const std::uint64_t began_ns = rtbus::monotonic_ns();
+    stepper_->step(step_s);
+    const std::uint64_t ended_ns = rtbus::monotonic_ns();
+
+    // From here pacer.due_ns() is the end of this period, or a later one when the step did not make it.
+    const bool late = pacer.advance(ended_ns) > 0;
+    if (throttled && !late && !sleep_unless_stopped(pacer.due_ns())) break;
+    publish_answers(ended_ns - began_ns);
+
+    step_time_ns_.record(ended_ns - began_ns);
+    steps_.fetch_add(1, std::memory_order_relaxed);
+    if (late) late_.fetch_add(1, std::memory_order_relaxed);
+    ignored_.store(stepper_->ignored_states(), std::memory_order_relaxed);
+  }
+}
+
+void Node::beat_thread() noexcept {
+  rtbus::name_this_thread("physics_beat");
+  const PhysicsConfig& physics = config_.physics;
+  rtbus::NodeInfo info;
+  set_text(info.role, "physics");
+  set_text(info.kind, physics.engine);
+  set_text(info.clock, physics.throttle_hz ? "throttled" : "fixed");
+  set_text(info.scheduling, "SCHED_OTHER");
+  set_text(info.realtime, "none asked for");
+  set_text(info.left_out, find_engine(physics.engine)->left_out);
+  info.rate_hz = 1.0 / physics.step_s();
+  info.core = 0xffffffff;
+  info.bodies = static_cast<std::uint32_t>(stepper_->world().bodies());
+
+  rtbus::Heartbeat beat;
+  beat.pid = static_cast<std::uint32_t>(getpid());
+  beat.work_period_ns = period_ns();
+  const auto publish_beat = [&](rtbus::NodeState state) {
+    ++beat.beats;
+    beat.last_work_ns = last_work_ns_.load(std::memory_order_relaxed);
+    beat.work_compute_ns = last_compute_ns_.load(std::memory_order_relaxed);
+    beat.state = static_cast<std::uint32_t>(state);
+    topics_->heartbeat.publish(beat, rtbus::monotonic_ns());
+  };
+
+  rtbus::StepStats stats;
+  stats.rate_hz = info.rate_hz;
+  stats.bodies = stepper_->world().bodies();
+  // The counts of the last six statistics span one second.
+  std::array<std::pair<std::uint64_t, std::uint64_t>, 6> history{};  // (time, steps)
+  history.fill({rtbus::monotonic_ns(), 0});
+  const auto publish_stats = [&] {
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    stats.steps = steps_.load(std::memory_order_relaxed);
+    stats.late = late_.load(std::memory_order_relaxed);
+    stats.simulated_s = static_cast<double>(stats.steps) * physics.step_s();
+    stats.step_p50_ms = static_cast<double>(step_time_ns_.percentile(0.50)) * 1e-6;
+    stats.step_p99_ms = static_cast<double>(step_time_ns_.percentile(0.99)) * 1e-6;
+    stats.step_max_ms = static_cast<double>(step_time_ns_.max()) * 1e-6;
+    std::rotate(history.begin(), history.begin() + 1, history.end());
+    history.back() = {now_ns, stats.steps};
+    const double span_s = rtbus::seconds_between(history.front().first, now_ns);
+    stats.achieved_hz = span_s > 0.0 ? static_cast<double>(stats.steps - history.front().second) / span_s : 0.0;
+    topics_->step_stats.publish(stats, now_ns);
+  };
+
+  std::uint64_t warned_ignored = 0;
+  std::uint64_t due_ns = rtbus::monotonic_ns();
+  for (int round = 0; !stop_beats_.load(std::memory_order_acquire); ++round) {
+    const bool stepped = steps_.load(std::memory_order_relaxed) > 0;
+    publish_beat(stop_steps_.load(std::memory_order_relaxed) ? rtbus::NodeState::kStopping
+                 : stepped                                   ? rtbus::NodeState::kRunning
+                                                             : rtbus::NodeState::kStarting);
+    for (const auto& subscription : topics_->device_states) subscription->maintain();
+    if (round % kStatsEvery == 0) publish_stats();
+    if (round % kInfoEvery == 0) {
+      topics_->node_info.publish(info, rtbus::monotonic_ns());
+      const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
+      if (ignored > warned_ignored) {
+        spdlog::warn("physics: {} device states ignored so far: a value was not finite, or a scale not above 0", ignored);
+        warned_ignored = ignored;
+      }
+    }
+    due_ns = std::max(due_ns + kBeatPeriodNs, rtbus::monotonic_ns());
+    rtbus::sleep_until(due_ns);
+  }
+  publish_stats();
+  publish_beat(rtbus::NodeState::kStopping);
+}
+
+}  // namespace physics

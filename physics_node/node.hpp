@@ -1,0 +1,72 @@
+#pragma once
+/// @file node.hpp
+/// The physics node: a Stepper between the bus and the clock.
+///
+/// Threads: `physics_step` reads the devices, steps, publishes. `physics_beat` says every 20 ms that the process lives,
+/// attaches to topics that come and go, and publishes the statistics; it goes on while a step takes long, so that a slow
+/// engine and a dead process look different. Both are SCHED_OTHER: the hand's safety does not rest on this process.
+#include <atomic>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "physics_node/node_config.hpp"
+#include "physics_node/stepper.hpp"
+#include "rtbus/histogram.hpp"
+#include "rtbus/result.hpp"
+
+namespace physics {
+
+/// Why the node could not start: one sentence for the user.
+struct NodeFault {
+  std::string message;
+};
+
+/// Life: open() → start() → stop(), which the destructor repeats. One thread calls these.
+///
+/// Fixed clock: one step of 1/rate_hz in every period; deadlines are absolute. A step that is late is counted and not
+/// caught up: simulated time then falls behind the wall clock. Throttled clock: the devices are read at the start of a
+/// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
+/// engine would deliver it.
+///
+/// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest.
+class Node {
+ public:
+  static constexpr std::uint64_t kDeviceSilentNs = 100'000'000;
+  static constexpr std::uint64_t kBeatPeriodNs = 20'000'000;
+
+  /// Makes the world and creates the topics. Throws rtbus::config::Error when the engine refuses the scene.
+  [[nodiscard]] static rtbus::Result<std::unique_ptr<Node>, NodeFault> open(NodeConfig config);
+  ~Node();
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+
+  void start();
+  /// Ends after the step that is running. The heartbeat's last word is kStopping; the topics go with the node.
+  void stop() noexcept;
+
+ private:
+  struct Topics;
+  explicit Node(NodeConfig config);
+  void step_thread() noexcept;
+  void beat_thread() noexcept;
+  void read_devices() noexcept;
+  void publish_answers(std::uint64_t compute_ns) noexcept;
+  [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;
+  [[nodiscard]] std::uint64_t period_ns() const noexcept;
+
+  NodeConfig config_;
+  std::unique_ptr<Topics> topics_;
+  std::unique_ptr<Stepper> stepper_;  // of the step thread once it runs
+  std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed
+
+  // Written by the step thread, read by the beat thread.
+  rtbus::Histogram step_time_ns_;
+  std::atomic<std::uint64_t> steps_{0}, late_{0}, ignored_{0}, last_work_ns_{0}, last_compute_ns_{0};
+
+  std::atomic<bool> stop_steps_{false}, stop_beats_{false};
+  std::thread step_thread_, beat_thread_;
+};
+
+}  // namespace physics

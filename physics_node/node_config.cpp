@@ -1,0 +1,77 @@
+#include "physics_node/node_config.hpp"
+
+#include <cmath>
+#include <string_view>
+
+#include "physics_node/engine_registry.hpp"
+
+namespace physics {
+namespace {
+
+using rtbus::config::Map;
+
+/// More parts than this in one step is a slip of a digit: even the cheapest engine would need a tenth of a second.
+constexpr double kMaxPartsPerStep = 100'000.0;
+
+}  // namespace
+
+int PhysicsConfig::parts_per_step() const noexcept {
+  // 1000 / 18 parts are 56, 1000 / 50 are 20: the small allowance keeps rounding from making them 21.
+  const double periods = throttle_hz ? std::ceil(rate_hz / *throttle_hz - 1e-9) : 1.0;
+  return static_cast<int>(periods) * substeps;
+}
+
+PhysicsConfig read_physics_config(Map& map) {
+  PhysicsConfig config;
+  config.engine = map.choice("engine", engine_names(), config.engine);
+  config.rate_hz = map.number("rate_hz", {1.0, 20000.0}, config.rate_hz);
+  if (map.has("throttle_hz")) config.throttle_hz = map.number("throttle_hz", {0.5, 1000.0});
+  config.substeps = static_cast<int>(map.integer("substeps", 1, 1000, config.substeps));
+  if (config.throttle_hz && *config.throttle_hz > config.rate_hz) {
+    map.fail("throttle_hz", "is above physics.rate_hz: a throttle slows the steps down; lower it or leave it out");
+  }
+  const double periods = config.throttle_hz ? config.rate_hz / *config.throttle_hz : 1.0;
+  if (periods * config.substeps > kMaxPartsPerStep) {
+    map.fail("substeps", "cuts each throttled step into more than 100000 parts; lower substeps or rate_hz");
+  }
+  map.finish();
+  return config;
+}
+
+ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
+  ProxyConfig config;
+  config.device = entry.name;
+  bool has_stiffness = false;
+  if (auto proxy = entry.map.optional_map("proxy")) {
+    config.mass_kg = proxy->number("mass_kg", {0.001, 100.0}, config.mass_kg);
+    config.radius_m = proxy->number("radius_m", {0.0, 1.0}, config.radius_m);
+    config.friction = proxy->number("friction", {0.0, 10.0}, config.friction);
+    has_stiffness = proxy->has("stiffness_n_per_m");
+    if (has_stiffness) config.stiffness_n_per_m = proxy->number("stiffness_n_per_m", {0.1, 1e5});
+    if (proxy->has("damping_n_s_per_m")) config.damping_n_s_per_m = proxy->number("damping_n_s_per_m", {0.0, 1e4});
+    const std::vector<double> p = proxy->numbers("position_m", 3, {-1000.0, 1000.0}, {0.0, 0.0, 0.0});
+    config.position_m = {p[0], p[1], p[2]};
+    proxy->finish();
+  }
+  if (!has_stiffness) {
+    Map coupling = entry.map.map("coupling");
+    config.stiffness_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
+    if (config.stiffness_n_per_m < 0.1) {
+      coupling.fail("stiffness_n_per_m", "would leave the proxy where it is, for proxy.stiffness_n_per_m follows it; "
+                                         "give the proxy a stiffness of its own, 0.1 N/m or more");
+    }
+  }
+  return config;
+}
+
+NodeConfig read_node_config(rtbus::config::SessionConfig& session) {
+  if (!session.physics) {
+    throw rtbus::config::Error(session.file + ": the session has no physics map, so there is nothing to simulate; add "
+                                              "'physics: {engine: analytic}' or start the haptic node alone");
+  }
+  NodeConfig config{session.session, session.scene, read_physics_config(*session.physics), {}, session.file};
+  for (rtbus::config::HapticEntry& entry : session.haptic) config.proxies.push_back(read_proxy_config(entry));
+  return config;
+}
+
+}  // namespace physics

@@ -1,0 +1,62 @@
+#pragma once
+/// @file node_config.hpp
+/// What the physics node reads of a session file: the `physics` map, and of each haptic entry the `proxy` map.
+/// config/README.md lists every key.
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rtbus/config/document.hpp"
+#include "rtbus/config/session.hpp"
+
+namespace physics {
+
+/// Relative damping of a proxy on its spring when the file gives none.
+inline constexpr double kDefaultDampingRatio = 0.7;
+
+/// `physics:`
+struct PhysicsConfig {
+  std::string engine = "analytic";    ///< A row of engine_registry.cpp.
+  double rate_hz = 1000.0;            ///< Steps per second; with a throttle: the longest part of a step is 1/rate_hz.
+  std::optional<double> throttle_hz;  ///< Imitates a machine that manages only so many steps per second.
+  int substeps = 1;                   ///< Equal parts that each 1/rate_hz of simulated time is cut into.
+
+  /// Simulated time of one step, which is also the period in which it happens [s].
+  [[nodiscard]] double step_s() const noexcept { return 1.0 / throttle_hz.value_or(rate_hz); }
+  /// Parts that one step is cut into.
+  [[nodiscard]] int parts_per_step() const noexcept;
+};
+
+/// `haptic.<n>.proxy:`. Gains are at the device; see Stepper for what they become in the world.
+struct ProxyConfig {
+  std::string device;                       ///< Name of the haptic node.
+  double mass_kg = 0.1;                     ///< In the world.
+  double radius_m = 0.0;                    ///< In the world; 0: a point.
+  double friction = 1.0;                    ///< Multiplied with the body's.
+  double stiffness_n_per_m = 0.0;           ///< At the device; default: the entry's coupling.stiffness_n_per_m.
+  std::optional<double> damping_n_s_per_m;  ///< At the device; none: kDefaultDampingRatio on the proxy's mass.
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP until the device first speaks.
+};
+
+struct NodeConfig {
+  rtbus::Session session;
+  rtbus::config::Scene scene;
+  PhysicsConfig physics;
+  std::vector<ProxyConfig> proxies;  ///< One per haptic entry, in the file's order.
+  std::string file;
+};
+
+/// Reads and finishes the `physics` map. Throws rtbus::config::Error.
+[[nodiscard]] PhysicsConfig read_physics_config(rtbus::config::Map& map);
+
+/// Reads `proxy`, and of `coupling` the stiffness. Leaves the rest of the entry, and its finish(), to the haptic node's
+/// reader. Throws rtbus::config::Error.
+[[nodiscard]] ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry);
+
+/// All of it. A program that checks a whole session calls this and haptic::read_haptic_config() for each entry, in any
+/// order: neither takes keys away from the other. Throws rtbus::config::Error, also when there is no `physics` map.
+[[nodiscard]] NodeConfig read_node_config(rtbus::config::SessionConfig& session);
+
+}  // namespace physics

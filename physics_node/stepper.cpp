@@ -1,0 +1,121 @@
+#include "physics_node/stepper.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace physics {
+namespace {
+
+using Eigen::Vector3d;
+
+Vector3d vector_of(const rtbus::Vec3& v) { return {v[0], v[1], v[2]}; }
+rtbus::Vec3 array_of(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+bool usable(const rtbus::DeviceState& device) {
+  return vector_of(device.target_position_m).allFinite() && vector_of(device.target_velocity_m_s).allFinite() &&
+         std::isfinite(device.position_scale) && device.position_scale > 0.0 && std::isfinite(device.force_scale) &&
+         device.force_scale > 0.0;
+}
+
+}  // namespace
+
+Stepper::Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps)
+    : world_(std::move(world)), substeps_(std::max(1, substeps)) {
+  for (const ProxyConfig& config : proxies) {
+    world_->add_proxy({config.device, config.mass_kg, config.radius_m, config.friction, config.position_m});
+    Link link;
+    link.config = config;
+    link.target.position_m = config.position_m;
+    link.previous_target_m = config.position_m;
+    links_.push_back(std::move(link));
+  }
+}
+
+void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, std::uint64_t sequence) {
+  Link& link = links_.at(proxy);
+  if (!usable(device)) {
+    ++ignored_states_;
+    return;
+  }
+  const double to_world = device.force_scale / device.position_scale;
+  link.target.position_m = vector_of(device.target_position_m);
+  link.target.velocity_m_s = vector_of(device.target_velocity_m_s);
+  link.target.stiffness_n_per_m = link.config.stiffness_n_per_m * to_world;
+  link.target.damping_n_s_per_m =
+      link.config.damping_n_s_per_m
+          ? *link.config.damping_n_s_per_m * to_world
+          : 2.0 * kDefaultDampingRatio * std::sqrt(link.target.stiffness_n_per_m * link.config.mass_kg);
+
+  const bool begins = !link.connected || device.mapping_epoch != link.mapping_epoch || device.enabled == 0;
+  link.connected = true;
+  link.enabled = device.enabled != 0;
+  link.mapping_epoch = device.mapping_epoch;
+  link.device_sequence = sequence;
+  link.device_time_ns = device.sample_time_ns;
+  if (begins) rebase(proxy);
+}
+
+void Stepper::hold_target(std::size_t proxy) { links_.at(proxy).target.velocity_m_s.setZero(); }
+
+void Stepper::step(double dt_s, int substeps) {
+  const double h = dt_s / substeps;
+  for (Link& link : links_) {
+    link.coupling_force_n.setZero();
+    link.contact_force_n.setZero();
+    link.contacts = 0;
+  }
+  for (int part = 1; part <= substeps; ++part) {
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+      const Link& link = links_[i];
+      if (!link.connected) continue;
+      ProxyTarget target = link.target;
+      if (!link.enabled) target.velocity_m_s.setZero();  // nothing may drag a proxy that nobody feels
+      if (part < substeps) {
+        const double done = static_cast<double>(part) / substeps;
+        target.position_m = link.previous_target_m + done * (link.target.position_m - link.previous_target_m);
+      }
+      world_->set_proxy_target(i, target);
+    }
+    world_->step(h);
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+      Link& link = links_[i];
+      const ProxyReadout readout = world_->proxy(i);
+      link.coupling_force_n += readout.coupling_force_n / substeps;
+      link.contact_force_n += readout.contact_force_n / substeps;
+      link.contacts = std::max(link.contacts, readout.contacts);
+    }
+  }
+  for (Link& link : links_) link.previous_target_m = link.target.position_m;
+  step_s_ = dt_s;
+  simulated_s_ += dt_s;
+  ++steps_;
+}
+
+rtbus::ProxyState Stepper::answer(std::size_t proxy) const {
+  const Link& link = links_.at(proxy);
+  const ProxyReadout readout = world_->proxy(proxy);
+  rtbus::ProxyState state;
+  state.position_m = array_of(readout.position_m);
+  state.velocity_m_s = array_of(readout.velocity_m_s);
+  const Eigen::Quaterniond& q = readout.orientation;
+  state.orientation_wxyz = {q.w(), q.x(), q.y(), q.z()};
+  state.angular_velocity_rad_s = array_of(readout.angular_velocity_rad_s);
+  state.coupling_force_n = array_of(link.coupling_force_n);
+  state.contact_force_n = array_of(link.contact_force_n);
+  state.step_s = step_s_;
+  state.device_sequence = link.device_sequence;
+  state.device_time_ns = link.device_time_ns;
+  state.step_index = steps_;
+  state.contacts = link.contacts;
+  state.mapping_epoch = link.mapping_epoch;
+  return state;
+}
+
+void Stepper::rebase(std::size_t proxy) {
+  Link& link = links_[proxy];
+  world_->reset_proxy(proxy, link.target.position_m);
+  link.previous_target_m = link.target.position_m;
+}
+
+}  // namespace physics

@@ -1,0 +1,76 @@
+#pragma once
+/// @file stepper.hpp
+/// The core of the physics node without process, clock or bus: device states in, proxy states out. The node drives it by
+/// its clock; the deterministic harness drives it by a simulated one.
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "physics_node/node_config.hpp"
+#include "physics_node/world.hpp"
+#include "rtbus/messages.hpp"
+
+namespace physics {
+
+/// Holds the world and one proxy per haptic node, in the order of `proxies`.
+///
+/// Gains are configured at the device. In the world they are K·force_scale/position_scale, and the damping likewise, with
+/// the scales that came with the device state; a damping that follows from the damping ratio is 2ζ√(K_world·mass).
+/// One thread.
+class Stepper {
+ public:
+  Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps);
+
+  /// The newest state of a device; `sequence` is its number in the topic.
+  ///  - The first state, a new mapping_epoch, and every state with enabled == 0 re-base the proxy: it is put onto the
+  ///    target at rest, so whatever begins then begins at zero stored energy.
+  ///  - A state with a value that is not finite, or a scale ≤ 0, is ignored and counted.
+  void set_device(std::size_t proxy, const rtbus::DeviceState& device, std::uint64_t sequence);
+
+  /// The device has been silent for long: its last target stays, its velocity does not.
+  void hold_target(std::size_t proxy);
+
+  /// Advances the world by `dt_s` in `substeps` equal parts.
+  void step(double dt_s) { step(dt_s, substeps_); }
+
+  /// The same with another number of parts. During the step a target moves in a straight line from where it was at the
+  /// end of the step before to where it is now: the proxy at the end of the step is the one that belongs to the device
+  /// sample it answers, however long the step is. A proxy without a device yet stays where it is.
+  void step(double dt_s, int substeps);
+
+  /// What became of the proxy in the last step. `step_compute_s` is left 0: this class measures nothing.
+  [[nodiscard]] rtbus::ProxyState answer(std::size_t proxy) const;
+
+  [[nodiscard]] std::size_t proxies() const noexcept { return links_.size(); }
+  [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
+  [[nodiscard]] double simulated_s() const noexcept { return simulated_s_; }
+  [[nodiscard]] std::uint64_t ignored_states() const noexcept { return ignored_states_; }  ///< Not finite, or no scale.
+  [[nodiscard]] const World& world() const noexcept { return *world_; }
+
+ private:
+  /// Between one device and its proxy.
+  struct Link {
+    ProxyConfig config;
+    ProxyTarget target;                                             // as last told by the device
+    Eigen::Vector3d previous_target_m = Eigen::Vector3d::Zero();    // at the end of the step before
+    Eigen::Vector3d coupling_force_n = Eigen::Vector3d::Zero();     // means over the last step
+    Eigen::Vector3d contact_force_n = Eigen::Vector3d::Zero();
+    std::uint32_t contacts = 0;
+    bool connected = false;
+    bool enabled = false;
+    std::uint32_t mapping_epoch = 0;
+    std::uint64_t device_sequence = 0;
+    std::uint64_t device_time_ns = 0;
+  };
+  void rebase(std::size_t proxy);
+
+  std::unique_ptr<World> world_;
+  int substeps_;
+  std::vector<Link> links_;
+  double step_s_ = 0.0;
+  double simulated_s_ = 0.0;
+  std::uint64_t steps_ = 0;
+  std::uint64_t ignored_states_ = 0;
+};
+
+}  // namespace physics

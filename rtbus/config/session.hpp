@@ -1,0 +1,35 @@
+#pragma once
+/// @file session.hpp
+/// A session file, `schema: session/1`: which nodes run on which scene, under which name. The maps of the nodes stay
+/// unread here: each node reads its own, so that no program needs to know another's keys.
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtbus/config/document.hpp"
+#include "rtbus/config/scene.hpp"
+#include "rtbus/segment.hpp"
+
+namespace rtbus::config {
+
+/// One haptic node.
+struct HapticEntry {
+  std::string name;  ///< "haptic0": its topics and its thread carry this name. [a-z][a-z0-9_]*, at most 15 characters.
+  Map map;           ///< The rest of its keys, for haptic_node's own reader, which must end with map.finish().
+};
+
+struct SessionConfig {
+  rtbus::Session session;  ///< Name, mode and group of its shared-memory segments.
+  Scene scene;
+  std::optional<Map> physics;       ///< For physics_node's own reader; none: no physics process.
+  std::vector<HapticEntry> haptic;  ///< At least one; names are unique.
+  std::string file;                 ///< As given by the user.
+
+  /// The node of that name; null when there is none.
+  [[nodiscard]] HapticEntry* find_haptic(std::string_view name);
+};
+
+/// Reads a session file and its scene. Throws Error.
+[[nodiscard]] SessionConfig load_session(const std::string& file, const std::vector<Override>& overrides = {});
+
+}  // namespace rtbus::config

@@ -1,0 +1,255 @@
+/// What every engine must do, whoever wrote it. A new row of the registry is tested for free. Where engines may differ by
+/// their solver, the tolerance is the suite's and wide; what must be exact for the analytic engine is in its unit tests.
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "physics_node/engine_registry.hpp"
+
+namespace {
+
+using Eigen::Vector3d;
+using physics::ProxyParameters;
+using physics::ProxyReadout;
+using physics::ProxyTarget;
+using physics::World;
+
+class WorldConformance : public testing::TestWithParam<physics::EngineEntry> {
+ protected:
+  static rtbus::config::Body fixed_body(const char* name, rtbus::shapes::Shape shape, const Vector3d& position = {0, 0, 0}) {
+    rtbus::config::Body body;
+    body.name = name;
+    body.shape = shape;
+    body.p_WB = position;
+    body.friction = 0.5;
+    return body;
+  }
+  static rtbus::config::Scene floor_scene() {
+    rtbus::config::Scene scene;
+    scene.bodies = {fixed_body("floor", rtbus::shapes::Plane{})};
+    return scene;
+  }
+  static rtbus::config::Scene cluttered_scene() {
+    rtbus::config::Scene scene = floor_scene();
+    scene.bodies.push_back(fixed_body("ball", rtbus::shapes::Sphere{0.05}, {0.1, 0.05, 0}));
+    scene.bodies.push_back(fixed_body("block", rtbus::shapes::Box{{0.05, 0.05, 0.05}}, {-0.1, 0.05, 0}));
+    return scene;
+  }
+  static std::unique_ptr<World> make(const rtbus::config::Scene& scene) { return GetParam().factory(scene); }
+
+  static std::size_t add_proxy(World& world, const Vector3d& position, double friction = 1.0) {
+    ProxyParameters parameters;
+    parameters.device = "haptic0";
+    parameters.mass_kg = kMassKg;
+    parameters.radius_m = kRadiusM;
+    parameters.friction = friction;
+    parameters.position_m = position;
+    return world.add_proxy(parameters);
+  }
+  static ProxyTarget pull(const Vector3d& position, double K = 200.0, double B = 6.26) {
+    return {position, Vector3d::Zero(), K, B};
+  }
+  static ProxyReadout run(World& world, const ProxyTarget& target, double h, int steps) {
+    for (int i = 0; i < steps; ++i) {
+      world.set_proxy_target(0, target);
+      world.step(h);
+    }
+    return world.proxy(0);
+  }
+  static bool finite(const ProxyReadout& r) {
+    return r.position_m.allFinite() && r.velocity_m_s.allFinite() && r.orientation.coeffs().allFinite() &&
+           r.angular_velocity_rad_s.allFinite() && r.coupling_force_n.allFinite() && r.contact_force_n.allFinite();
+  }
+
+  static constexpr double kMassKg = 0.1;
+  static constexpr double kRadiusM = 0.01;
+};
+
+TEST_P(WorldConformance, StepsWithoutAProxy) {
+  const auto world = make(cluttered_scene());
+  for (int i = 0; i < 10; ++i) world->step(1e-3);
+  EXPECT_EQ(world->bodies(), 3U);
+}
+
+TEST_P(WorldConformance, CountsHandlesFromZero) {
+  const auto world = make(floor_scene());
+  EXPECT_EQ(add_proxy(*world, {0, 0.1, 0}), 0U);
+  EXPECT_EQ(add_proxy(*world, {0.1, 0.1, 0}), 1U);
+  EXPECT_NEAR(world->proxy(1).position_m.x(), 0.1, 1e-12);
+}
+
+TEST_P(WorldConformance, HoldsAProxyThatNobodyPulls) {
+  const auto world = make(floor_scene());
+  add_proxy(*world, {0, 0.1, 0});
+  for (int i = 0; i < 100; ++i) world->step(1e-2);
+  EXPECT_NEAR((world->proxy(0).position_m - Vector3d(0, 0.1, 0)).norm(), 0.0, 1e-9);  // no gravity on a tool in the hand
+}
+
+TEST_P(WorldConformance, BringsTheProxyToItsTargetInFreeAir) {
+  for (const double h : {1e-3, 1e-2, 0.1}) {
+    const auto world = make(floor_scene());
+    add_proxy(*world, {0, 0.1, 0});
+    const ProxyReadout proxy = run(*world, pull({0.05, 0.15, -0.02}), h, static_cast<int>(std::max(3.0 / h, 100.0)));
+    EXPECT_NEAR((proxy.position_m - Vector3d(0.05, 0.15, -0.02)).norm(), 0.0, 1e-5) << h;
+    EXPECT_NEAR(proxy.coupling_force_n.norm(), 0.0, 1e-3) << h;
+    EXPECT_EQ(proxy.contacts, 0U) << h;
+  }
+}
+
+TEST_P(WorldConformance, FollowsAMovingTargetWithoutDragBecauseTheDamperIsRelative) {
+  const auto world = make(floor_scene());
+  add_proxy(*world, {0, 0.1, 0});
+  double x = 0.0;
+  for (int i = 1; i <= 2000; ++i) {
+    x = 0.1 * i * 1e-3;
+    world->set_proxy_target(0, {{x, 0.1, 0}, {0.1, 0, 0}, 200.0, 6.26});
+    world->step(1e-3);
+  }
+  EXPECT_NEAR(world->proxy(0).position_m.x(), x, 1e-5);
+  EXPECT_NEAR(world->proxy(0).coupling_force_n.norm(), 0.0, 2e-3);
+}
+
+TEST_P(WorldConformance, StopsAtTheWallWithTheForceOfTheSpring) {
+  for (const double h : {1e-3, 1e-2}) {
+    const auto world = make(floor_scene());
+    add_proxy(*world, {0, 0.05, 0});
+    const ProxyReadout proxy = run(*world, pull({0, kRadiusM - 0.01, 0}), h, 2000);  // 10 mm beyond touching
+    EXPECT_NEAR(proxy.position_m.y(), kRadiusM, 1e-4) << h;
+    EXPECT_NEAR(proxy.contact_force_n.y(), 200.0 * 0.01, 0.02) << h;
+    EXPECT_GE(proxy.contacts, 1U) << h;
+  }
+}
+
+TEST_P(WorldConformance, DoesNotTunnelInOneLongStep) {
+  const auto world = make(cluttered_scene());
+  add_proxy(*world, {0, 0.5, 0});
+  const ProxyReadout proxy = run(*world, pull({0, -1.0, 0}, 2000.0, 10.0), 0.2, 20);
+  EXPECT_GE(proxy.position_m.y(), kRadiusM - 1e-3);
+}
+
+TEST_P(WorldConformance, BalancesForcesAtRestAndMomentumInMotion) {
+  const auto world = make(cluttered_scene());
+  add_proxy(*world, {0, 0.1, 0});
+  Vector3d before = Vector3d::Zero();
+  for (int i = 0; i < 4000; ++i) {
+    const double t = i * 1e-3;
+    world->set_proxy_target(0, pull({0.12 * std::sin(3 * t), 0.03 * std::cos(5 * t), 0.03 * std::sin(2 * t)}));
+    world->step(1e-3);
+    const ProxyReadout proxy = world->proxy(0);
+    const Vector3d needed_n = kMassKg * (proxy.velocity_m_s - before) / 1e-3;
+    ASSERT_NEAR((needed_n - proxy.coupling_force_n - proxy.contact_force_n).norm(), 0.0, 1e-3) << i;
+    before = proxy.velocity_m_s;
+  }
+  const ProxyReadout rest = run(*world, pull({0, 0, 0}), 1e-3, 3000);
+  EXPECT_NEAR((rest.coupling_force_n + rest.contact_force_n).norm(), 0.0, 0.01);
+}
+
+TEST_P(WorldConformance, KeepsFrictionInsideItsCone) {
+  for (const double friction : {0.0, 0.4, 1.0}) {  // times 0.5 of the floor
+    const auto world = make(floor_scene());
+    add_proxy(*world, {0, kRadiusM, 0}, friction);
+    run(*world, pull({0, kRadiusM - 0.01, 0}), 1e-3, 1000);
+    double largest = 0.0;
+    for (int i = 0; i < 2000; ++i) {
+      world->set_proxy_target(0, pull({2e-5 * i, kRadiusM - 0.01, 0}));
+      world->step(1e-3);
+      const Vector3d force = world->proxy(0).contact_force_n;
+      ASSERT_LE(std::hypot(force.x(), force.z()), 0.5 * friction * force.y() * 1.02 + 1e-3) << friction << ' ' << i;
+      largest = std::max(largest, std::hypot(force.x(), force.z()));
+    }
+    EXPECT_NEAR(largest, 0.5 * friction * 2.0, 0.1) << friction;  // and it is used when the pull is wide enough
+  }
+}
+
+TEST_P(WorldConformance, ResetsAtZeroEnergy) {
+  const auto world = make(floor_scene());
+  add_proxy(*world, {0, 0.05, 0});
+  run(*world, pull({0.3, -0.2, 0}, 2000.0, 1.0), 1e-3, 30);
+  const Vector3d place(0.02, 0.2, 0.1);
+  world->reset_proxy(0, place);
+  const ProxyReadout reset = world->proxy(0);
+  EXPECT_NEAR((reset.position_m - place).norm(), 0.0, 1e-12);
+  EXPECT_EQ(reset.velocity_m_s.norm(), 0.0);
+  EXPECT_EQ(reset.contacts, 0U);
+  const ProxyReadout after = run(*world, pull(place), 1e-3, 100);
+  EXPECT_NEAR((after.position_m - place).norm(), 0.0, 1e-9);
+  EXPECT_NEAR(after.coupling_force_n.norm(), 0.0, 1e-6);
+}
+
+TEST_P(WorldConformance, StaysStableOverTheTableOfStiffnessAndStep) {
+  for (const double K : {10.0, 200.0, 2000.0, 20000.0}) {
+    for (const double h : {1e-4, 1e-3, 5e-3, 0.02, 0.055, 0.2}) {
+      for (const double zeta : {0.0, 0.7}) {
+        const auto world = make(floor_scene());
+        add_proxy(*world, {0, 0.05, 0});
+        const ProxyTarget target = pull({0.02, kRadiusM - 0.005, 0}, K, 2 * zeta * std::sqrt(K * kMassKg));
+        double farthest_m = 0.0;
+        for (int i = 0; i < 1000; ++i) {
+          run(*world, target, h, 1);
+          ASSERT_TRUE(finite(world->proxy(0))) << K << ' ' << h << ' ' << zeta;
+          farthest_m = std::max(farthest_m, world->proxy(0).position_m.norm());
+        }
+        // It starts 46 mm from the target: nothing may carry it beyond as far again on the other side.
+        EXPECT_LT(farthest_m, 0.12) << K << ' ' << h << ' ' << zeta;
+      }
+    }
+  }
+}
+
+TEST_P(WorldConformance, IsBitIdenticalWhenRunTwice) {
+  ProxyReadout last[2];
+  for (ProxyReadout& out : last) {
+    const auto world = make(cluttered_scene());
+    add_proxy(*world, {0, 0.1, 0});
+    std::mt19937_64 random(11);
+    std::uniform_real_distribution<double> u(-0.15, 0.15);
+    for (int i = 0; i < 1000; ++i) {
+      world->set_proxy_target(0, pull({u(random), u(random), u(random)}, 800.0, 12.0));
+      world->step(2e-3);
+    }
+    out = world->proxy(0);
+  }
+  EXPECT_EQ(std::memcmp(last[0].position_m.data(), last[1].position_m.data(), 3 * sizeof(double)), 0);
+  EXPECT_EQ(std::memcmp(last[0].velocity_m_s.data(), last[1].velocity_m_s.data(), 3 * sizeof(double)), 0);
+  EXPECT_EQ(std::memcmp(last[0].contact_force_n.data(), last[1].contact_force_n.data(), 3 * sizeof(double)), 0);
+}
+
+TEST_P(WorldConformance, StaysFiniteForHostileTargetsAndSteps) {
+  const double huge = std::numeric_limits<double>::max();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double inf = std::numeric_limits<double>::infinity();
+  const auto world = make(cluttered_scene());
+  add_proxy(*world, {0, 0.1, 0});
+  for (const double p : {0.0, 1e-300, -1e6, huge, -huge, nan, inf}) {
+    for (const double K : {0.0, 1e-300, 1e12, huge, -1.0, nan}) {
+      for (const double h : {1e-3, 0.2}) {
+        world->set_proxy_target(0, {{p, -p, p}, {-p, p, p}, K, K});
+        world->step(h);
+        ASSERT_TRUE(finite(world->proxy(0))) << p << ' ' << K << ' ' << h;
+      }
+    }
+  }
+  world->reset_proxy(0, {huge, nan, 0});
+  world->step(1e-3);
+  ASSERT_TRUE(finite(world->proxy(0)));
+  // And it is usable again afterwards.
+  world->reset_proxy(0, {0, 0.1, 0});
+  EXPECT_NEAR(run(*world, pull({0, 0.2, 0}), 1e-3, 3000).position_m.y(), 0.2, 1e-5);
+}
+
+TEST_P(WorldConformance, LeavesABodyItStartsDeepIn) {
+  const auto world = make(cluttered_scene());
+  add_proxy(*world, {0.1, 0.05, 0});  // the centre of the ball
+  const ProxyReadout proxy = run(*world, pull({0.1, 0.2, 0}), 1e-3, 5000);
+  EXPECT_NEAR(proxy.position_m.y(), 0.2, 1e-3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, WorldConformance, testing::ValuesIn(physics::registered_engines().begin(),
+                                                                      physics::registered_engines().end()),
+                         [](const auto& row) { return std::string(row.param.name); });
+
+}  // namespace

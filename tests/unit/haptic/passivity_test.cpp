@@ -1,0 +1,103 @@
+#include "haptic_node/passivity.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace {
+
+using haptic::Passivity;
+using haptic::PassivityConfig;
+
+PassivityConfig strict() {
+  PassivityConfig config;
+  config.reservoir_max_j = 0.01;
+  config.damping_max_n_s_per_m = 5.0;
+  return config;
+}
+
+TEST(Passivity, BooksTheWorkOfTheHand) {
+  Passivity passivity(strict());
+  // A force of −2 N against a hand that moves +1 mm: the hand does 2 mJ of work on us.
+  passivity.observe({-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0}, 0.001);
+  EXPECT_NEAR(passivity.absorbed_j(), 0.002, 1e-15);
+  passivity.observe({-2.0, 0.0, 0.0}, {-0.001, 0.0, 0.0}, 0.001);
+  EXPECT_NEAR(passivity.absorbed_j(), 0.0, 1e-15);
+}
+
+TEST(Passivity, CapsWhatMayBeGivenBack) {
+  Passivity passivity(strict());
+  for (int k = 0; k < 100; ++k) passivity.observe({-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0}, 0.001);
+  EXPECT_NEAR(passivity.absorbed_j(), 0.2, 1e-12);
+  EXPECT_DOUBLE_EQ(passivity.ledger_j(), 0.01);
+}
+
+TEST(Passivity, LeavesAForceAloneWhileTheLedgerIsPositive) {
+  Passivity passivity(strict());
+  passivity.observe({-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0}, 0.001);
+  bool acted = true;
+  EXPECT_EQ(passivity.control({1.0, 2.0, 3.0}, {0.1, 0.0, 0.0}, 0.001, acted), Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_FALSE(acted);
+}
+
+TEST(Passivity, DampsUntilTheDebtIsPaid) {
+  Passivity passivity(strict());
+  passivity.observe({1.0, 0.0, 0.0}, {0.0001, 0.0, 0.0}, 0.001);  // we pushed the hand along: −0.1 mJ
+  ASSERT_LT(passivity.ledger_j(), 0.0);
+  bool acted = false;
+  const Eigen::Vector3d velocity(0.5, 0.0, 0.0);
+  const Eigen::Vector3d force = passivity.control(Eigen::Vector3d::Zero(), velocity, 0.001, acted);
+  EXPECT_TRUE(acted);
+  // α = E/(T v²) = 1e-4/(1e-3·0.25) = 0.4 N·s/m → −0.2 N along the motion.
+  EXPECT_NEAR(force.x(), -0.2, 1e-12);
+  passivity.observe(force, velocity * 0.001, 0.001);
+  EXPECT_NEAR(passivity.ledger_j(), 0.0, 1e-12);
+}
+
+TEST(Passivity, NeverDampsHarderThanItsCeiling) {
+  Passivity passivity(strict());
+  passivity.observe({10.0, 0.0, 0.0}, {0.01, 0.0, 0.0}, 0.001);
+  bool acted = false;
+  const Eigen::Vector3d force = passivity.control(Eigen::Vector3d::Zero(), {0.01, 0.0, 0.0}, 0.001, acted);
+  EXPECT_NEAR(force.x(), -5.0 * 0.01, 1e-12);
+}
+
+TEST(Passivity, CreditsWhatTheDeviceBurnsByItself) {
+  PassivityConfig config = strict();
+  config.coulomb_friction_n = 0.05;
+  config.viscous_damping_n_s_per_m = 0.04;
+  Passivity passivity(config);
+  passivity.observe(Eigen::Vector3d::Zero(), {0.0003, 0.0, 0.0}, 0.001);
+  EXPECT_NEAR(passivity.ledger_j(), 0.0003 * (0.04 * 0.3 + 0.05), 1e-15);
+  EXPECT_EQ(passivity.absorbed_j(), 0.0);
+}
+
+// The reason it exists: a sampled spring stiffer than its own damping can pay for. Frictionless mass of 41 g on a wall of
+// 5000 N/m at 1 kHz: without control each bounce comes back faster than it went in.
+TEST(Passivity, KeepsAnActiveWallFromFeedingTheBounce) {
+  const auto exit_speed = [](bool controlled) {
+    PassivityConfig config;
+    config.reservoir_max_j = 1.0;
+    config.damping_max_n_s_per_m = 4.1;
+    Passivity passivity(config);
+    double x = 0.0;
+    double v = -0.1;
+    double force = 0.0;
+    for (int tick = 0; tick < 200 && !(x > 0.0 && v > 0.0); ++tick) {
+      const double x0 = x;
+      for (int sub = 0; sub < 10; ++sub) {
+        v += force / 0.041 * 1e-4;
+        x += v * 1e-4;
+      }
+      passivity.observe({0.0, force, 0.0}, {0.0, x - x0, 0.0}, 1e-3);
+      const Eigen::Vector3d wish(0.0, x < 0.0 ? -5000.0 * x : 0.0, 0.0);
+      bool acted = false;
+      force = controlled ? passivity.control(wish, {0.0, v, 0.0}, 1e-3, acted).y() : wish.y();
+    }
+    return v;
+  };
+  EXPECT_GT(exit_speed(false), 0.13);
+  EXPECT_LT(exit_speed(true), exit_speed(false) - 0.02);
+}
+
+}  // namespace

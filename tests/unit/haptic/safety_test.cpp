@@ -1,0 +1,227 @@
+#include "haptic_node/safety.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace {
+
+using haptic::SafetyConfig;
+using haptic::SafetyInput;
+using haptic::SafetyLadder;
+using haptic::SafetyOutput;
+
+constexpr double kDt_s = 1e-3;
+
+SafetyConfig desktop() {
+  SafetyConfig config;
+  config.max_force_n = 7.9;
+  config.continuous_force_n = 1.75;
+  config.slew_n_per_ms = 3.0;
+  config.start_ramp_s = 0.2;
+  config.passivity.reservoir_max_j = 0.1;
+  config.passivity.damping_max_n_s_per_m = 4.0;
+  return config;
+}
+
+SafetyInput healthy(const Eigen::Vector3d& force_n) {
+  SafetyInput input;
+  input.force_n = force_n;
+  input.dt_s = kDt_s;
+  input.elapsed_s = kDt_s;
+  input.enabled = input.link_alive = input.device_ok = true;
+  return input;
+}
+
+/// A ladder whose start ramp is over.
+SafetyLadder opened(const SafetyConfig& config = desktop()) {
+  SafetyLadder ladder(config);
+  for (int k = 0; k < 1000; ++k) (void)ladder.apply(healthy(Eigen::Vector3d::Zero()));
+  return ladder;
+}
+
+TEST(SafetyLadder, RampsUpFromZeroAfterEnable) {
+  SafetyLadder ladder(desktop());
+  double last = -1.0;
+  for (int k = 1; k <= 200; ++k) {
+    const SafetyOutput out = ladder.apply(healthy({0.0, 1.0, 0.0}));
+    EXPECT_GE(out.force_n.y(), last);
+    EXPECT_LE(out.force_n.y(), static_cast<double>(k) * kDt_s / 0.2 + 1e-12);
+    last = out.force_n.y();
+  }
+  EXPECT_NEAR(last, 1.0, 1e-9);
+}
+
+TEST(SafetyLadder, LetsAnOrdinaryForceThroughUntouched) {
+  SafetyLadder ladder = opened();
+  const SafetyOutput out = ladder.apply(healthy({0.5, -1.0, 0.25}));
+  EXPECT_EQ(out.force_n, Eigen::Vector3d(0.5, -1.0, 0.25));
+  EXPECT_EQ(out.acted, 0u);
+}
+
+TEST(SafetyLadder, ClampsTheNormAndKeepsTheDirection) {
+  SafetyConfig config = desktop();
+  config.continuous_force_n = config.max_force_n;
+  SafetyLadder ladder = opened(config);
+  SafetyOutput out;
+  for (int k = 0; k < 20; ++k) out = ladder.apply(healthy({300.0, 400.0, 0.0}));
+  EXPECT_NEAR(out.force_n.norm(), 7.9, 1e-9);
+  EXPECT_NEAR(out.force_n.x() / out.force_n.y(), 0.75, 1e-9);
+  EXPECT_TRUE(out.acted & haptic::kClamped);
+}
+
+TEST(SafetyLadder, LimitsGrowthToTheSlewRate) {
+  SafetyLadder ladder = opened();
+  const SafetyOutput first = ladder.apply(healthy({7.0, 0.0, 0.0}));
+  EXPECT_NEAR(first.force_n.x(), 3.0, 1e-9);
+  EXPECT_TRUE(first.acted & haptic::kSlewLimited);
+  EXPECT_NEAR(ladder.apply(healthy({7.0, 0.0, 0.0})).force_n.x(), 6.0, 1e-9);
+  EXPECT_NEAR(ladder.apply(healthy({7.0, 0.0, 0.0})).force_n.x(), 7.0, 1e-9);
+}
+
+TEST(SafetyLadder, LetsForceFallAtOnce) {
+  SafetyLadder ladder = opened();
+  for (int k = 0; k < 5; ++k) (void)ladder.apply(healthy({7.0, 0.0, 0.0}));
+  EXPECT_EQ(ladder.apply(healthy(Eigen::Vector3d::Zero())).force_n.norm(), 0.0);
+}
+
+TEST(SafetyLadder, TurnsNotANumberIntoZero) {
+  for (const double poison : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    SafetyLadder ladder = opened();
+    const SafetyOutput out = ladder.apply(healthy({0.0, poison, 0.0}));
+    EXPECT_EQ(out.force_n, Eigen::Vector3d::Zero());
+    EXPECT_TRUE(out.acted & haptic::kNonfinite);
+    // And it forgets it: the next good force is fine.
+    EXPECT_EQ(ladder.apply(healthy({0.0, 1.0, 0.0})).force_n, Eigen::Vector3d(0.0, 1.0, 0.0));
+  }
+}
+
+TEST(SafetyLadder, TreatsAPoseThatIsNotANumberAsNoDevice) {
+  SafetyLadder ladder = opened();
+  SafetyInput input = healthy({0.0, 1.0, 0.0});
+  input.position_m.x() = std::numeric_limits<double>::quiet_NaN();
+  const SafetyOutput out = ladder.apply(input);
+  EXPECT_EQ(out.force_n.norm(), 0.0);
+  EXPECT_TRUE(out.acted & haptic::kNonfinite);
+  EXPECT_TRUE(std::isfinite(ladder.passivity().absorbed_j()));
+}
+
+TEST(SafetyLadder, FadesToZeroIn40MsOnceTheLinkIsLost) {
+  SafetyLadder ladder = opened();
+  SafetyInput input = healthy({0.0, 1.0, 0.0});
+  (void)ladder.apply(input);
+  input.link_alive = false;
+  double last = 1.0;
+  for (int k = 1; k <= 40; ++k) {
+    const SafetyOutput out = ladder.apply(input);
+    EXPECT_LE(out.force_n.y(), last + 1e-12);
+    EXPECT_TRUE(out.acted & haptic::kStale);
+    last = out.force_n.y();
+  }
+  EXPECT_NEAR(last, 0.0, 1e-9);
+}
+
+TEST(SafetyLadder, ComesBackNoFasterThanTheResumeRamp) {
+  SafetyLadder ladder = opened();
+  SafetyInput input = healthy({0.0, 5.0, 0.0});
+  input.link_alive = false;
+  for (int k = 0; k < 100; ++k) (void)ladder.apply(input);
+  input.link_alive = true;
+  double last = 0.0;
+  for (int k = 1; k <= 100; ++k) {
+    const double force = ladder.apply(input).force_n.y();
+    EXPECT_LE(force - last, 5.0 * kDt_s / 0.1 + 1e-9) << "tick " << k;
+    last = force;
+  }
+  EXPECT_NEAR(last, 5.0, 1e-9);
+}
+
+TEST(SafetyLadder, CutsAtOnceWhenTheDeviceIsLost) {
+  SafetyLadder ladder = opened();
+  (void)ladder.apply(healthy({0.0, 2.0, 0.0}));
+  SafetyInput input = healthy({0.0, 2.0, 0.0});
+  input.device_ok = false;
+  const SafetyOutput out = ladder.apply(input);
+  EXPECT_EQ(out.force_n.norm(), 0.0);
+  EXPECT_TRUE(out.acted & haptic::kDeviceLost);
+}
+
+TEST(SafetyLadder, CutsOverspeedUntilTheTipHasBeenSlowFor100Ms) {
+  SafetyLadder ladder = opened();
+  SafetyInput input = healthy({0.0, 2.0, 0.0});
+  input.velocity_m_s = {0.0, 2.5, 0.0};
+  EXPECT_EQ(ladder.apply(input).force_n.norm(), 0.0);
+  input.velocity_m_s.setZero();
+  int ticks = 0;
+  while (ladder.apply(input).force_n.norm() == 0.0 && ticks < 1000) ++ticks;
+  EXPECT_GE(ticks, 98);
+  EXPECT_LE(ticks, 102);
+}
+
+TEST(SafetyLadder, HoldsTheMotorToItsContinuousForce) {
+  SafetyConfig config = desktop();
+  config.thermal_time_constant_s = 2.0;
+  SafetyLadder ladder = opened(config);
+  SafetyOutput out;
+  for (int k = 0; k < 20'000; ++k) out = ladder.apply(healthy({0.0, 6.0, 0.0}));
+  // The load settles on the closing line between peak and continuous force, within the continuous heat.
+  EXPECT_LE(std::sqrt(ladder.thermal_load_n2()), 1.75 + 1e-6);
+  EXPECT_LE(out.force_n.y(), 1.76);
+  EXPECT_TRUE(out.acted & haptic::kThermalLimited);
+  // Short peaks are free: nothing is limited before the knee.
+  SafetyLadder fresh = opened(config);
+  for (int k = 0; k < 50; ++k) out = fresh.apply(healthy({0.0, 6.0, 0.0}));
+  EXPECT_NEAR(out.force_n.y(), 6.0, 1e-9);
+}
+
+TEST(SafetyLadder, NeedsTheUserToEnable) {
+  SafetyLadder ladder(desktop());
+  SafetyInput input = healthy({0.0, 2.0, 0.0});
+  input.enabled = false;
+  for (int k = 0; k < 500; ++k) EXPECT_EQ(ladder.apply(input).force_n.norm(), 0.0);
+}
+
+TEST(SafetyLadder, DampsWhenTheLedgerIsInDebtAndClampsOnceMore) {
+  SafetyLadder ladder = opened();
+  SafetyInput input = healthy({0.0, 7.9, 0.0});
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  std::uint32_t acted = 0;
+  for (int k = 0; k < 50; ++k) {
+    // We push the hand along: 7.9 N at 0.5 m/s out of nothing.
+    input.velocity_m_s = {0.0, 0.5, 0.0};
+    position.y() += 0.5 * kDt_s;
+    input.position_m = position;
+    const SafetyOutput out = ladder.apply(input);
+    acted |= out.acted;
+    EXPECT_LE(out.force_n.norm(), 7.9 + 1e-12);
+  }
+  EXPECT_TRUE(acted & haptic::kPassivity);
+  EXPECT_GT(ladder.passivity().dissipated_j(), 0.0);
+}
+
+// Whatever comes in, at every tick: finite, within the limit.
+TEST(SafetyLadder, IsFiniteAndWithinTheLimitForHostileInput) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  SafetyLadder ladder(desktop());
+  const double poisons[] = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e308,
+                            -1e308, 5e-324};
+  for (int k = 0; k < 200'000; ++k) {
+    SafetyInput input = healthy({uniform(random) * 20.0, uniform(random) * 20.0, uniform(random) * 20.0});
+    input.velocity_m_s = {uniform(random), uniform(random), uniform(random)};
+    input.position_m = {uniform(random) * 0.1, uniform(random) * 0.1, uniform(random) * 0.1};
+    if (k % 7 == 0) input.force_n[k % 3] = poisons[static_cast<std::size_t>(k) % 5];
+    if (k % 11 == 0) input.velocity_m_s[k % 3] = poisons[static_cast<std::size_t>(k) % 5];
+    if (k % 13 == 0) input.position_m[k % 3] = poisons[static_cast<std::size_t>(k) % 5];
+    input.link_alive = k % 500 < 400;
+    input.device_ok = k % 900 < 850;
+    input.enabled = k % 2000 < 1900;
+    const SafetyOutput out = ladder.apply(input);
+    ASSERT_TRUE(out.force_n.allFinite()) << "tick " << k;
+    ASSERT_LE(out.force_n.norm(), 7.9 + 1e-9) << "tick " << k;
+  }
+}
+
+}  // namespace

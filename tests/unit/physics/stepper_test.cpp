@@ -1,0 +1,226 @@
+#include "physics_node/stepper.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "physics_node/analytic/analytic_world.hpp"
+
+namespace {
+
+using physics::AnalyticWorld;
+using physics::ProxyConfig;
+using physics::Stepper;
+using rtbus::shapes::PlacedShape;
+using rtbus::shapes::Plane;
+
+ProxyConfig proxy_config(double stiffness_n_per_m = 200.0) {
+  ProxyConfig config;
+  config.device = "haptic0";
+  config.stiffness_n_per_m = stiffness_n_per_m;
+  config.position_m = {0, 0.3, 0};
+  return config;
+}
+
+Stepper floor_stepper(int substeps = 1, ProxyConfig config = proxy_config()) {
+  PlacedShape floor;
+  floor.shape = Plane{};
+  return Stepper(std::make_unique<AnalyticWorld>(std::vector{floor}), {config}, substeps);
+}
+
+rtbus::DeviceState device_at(double x, double y, std::uint32_t enabled = 1) {
+  rtbus::DeviceState device;
+  device.target_position_m = {x, y, 0};
+  device.enabled = enabled;
+  device.sample_time_ns = 777;
+  return device;
+}
+
+TEST(Stepper, LeavesTheProxyAloneUntilTheDeviceSpeaks) {
+  Stepper stepper = floor_stepper();
+  for (int i = 0; i < 10; ++i) stepper.step(1e-3);
+  const rtbus::ProxyState state = stepper.answer(0);
+  EXPECT_EQ(state.position_m, (rtbus::Vec3{0, 0.3, 0}));
+  EXPECT_EQ(state.device_sequence, 0U);
+  EXPECT_EQ(state.step_index, 10U);
+}
+
+TEST(Stepper, PutsTheProxyOntoTheFirstTarget) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, device_at(0.1, 0.2), 5);
+  stepper.step(1e-3);
+  const rtbus::ProxyState state = stepper.answer(0);
+  EXPECT_EQ(state.position_m, (rtbus::Vec3{0.1, 0.2, 0}));
+  EXPECT_EQ(state.coupling_force_n, (rtbus::Vec3{0, 0, 0}));
+}
+
+TEST(Stepper, AnswersWithWhatItWasTold) {
+  Stepper stepper = floor_stepper();
+  rtbus::DeviceState device = device_at(0, 0.1);
+  device.mapping_epoch = 3;
+  stepper.set_device(0, device, 42);
+  stepper.step(0.002);
+  const rtbus::ProxyState state = stepper.answer(0);
+  EXPECT_EQ(state.device_sequence, 42U);
+  EXPECT_EQ(state.device_time_ns, 777U);
+  EXPECT_EQ(state.mapping_epoch, 3U);
+  EXPECT_EQ(state.step_s, 0.002);
+  EXPECT_DOUBLE_EQ(stepper.simulated_s(), 0.002);
+}
+
+TEST(Stepper, HoldsTheProxyAtTheTargetWithoutForceWhileDisabled) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, device_at(0, 0.1), 1);
+  for (int i = 0; i < 50; ++i) {
+    rtbus::DeviceState device = device_at(0.001 * i, 0.1, 0);
+    device.target_velocity_m_s = {1, 0, 0};
+    stepper.set_device(0, device, 2 + i);
+    stepper.step(1e-3);
+    ASSERT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0.001 * i, 0.1, 0}));
+    ASSERT_EQ(stepper.answer(0).coupling_force_n, (rtbus::Vec3{0, 0, 0}));
+  }
+}
+
+TEST(Stepper, StartsAtZeroForceWhenEnabledInsideABody) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, device_at(0, -0.01, 0), 1);
+  stepper.step(1e-3);
+  double before_n = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    stepper.set_device(0, device_at(0, -0.01, 1), 2 + i);
+    stepper.step(1e-3);
+    const double force_n = -stepper.answer(0).coupling_force_n[1];
+    ASSERT_LE(force_n, before_n + 200 * AnalyticWorld::kRecoverySpeedMS * 2e-3 + 1e-9) << i;  // K · speed · two steps
+    before_n = force_n;
+  }
+  EXPECT_NEAR(before_n, 2.0, 1e-6);  // in the end K · depth
+}
+
+TEST(Stepper, RebasesWhenTheMappingChanges) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, device_at(0, 0.1), 1);
+  stepper.step(1e-3);
+  rtbus::DeviceState device = device_at(0.5, 0.4);
+  device.mapping_epoch = 1;
+  stepper.set_device(0, device, 2);
+  stepper.step(1e-3);
+  EXPECT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0.5, 0.4, 0}));
+  EXPECT_EQ(stepper.answer(0).velocity_m_s, (rtbus::Vec3{0, 0, 0}));
+}
+
+TEST(Stepper, PressesWithTheStiffnessAtTheDeviceWhateverTheScale) {
+  // Depth at the device is depth / s, force at the device is force / force_scale; their ratio stays K.
+  for (const double scale : {0.1, 1.0, 10.0}) {
+    Stepper stepper = floor_stepper();
+    rtbus::DeviceState device = device_at(0, 0.002 * scale);
+    device.position_scale = scale;
+    device.force_scale = 1.0 / scale;
+    stepper.set_device(0, device, 1);
+    device.target_position_m[1] = -0.002 * scale;
+    for (int i = 0; i < 4000; ++i) {
+      stepper.set_device(0, device, 2 + i);
+      stepper.step(1e-3);
+    }
+    const double force_at_device_n = stepper.answer(0).contact_force_n[1] / device.force_scale;
+    EXPECT_NEAR(force_at_device_n, 200 * 0.002, 1e-6) << scale;
+  }
+}
+
+TEST(Stepper, UsesTheDampingOfTheFileAtTheDevice) {
+  ProxyConfig config = proxy_config(1.0);
+  config.damping_n_s_per_m = 3.0;
+  Stepper stepper = floor_stepper(1, config);
+  rtbus::DeviceState device = device_at(0, 0.1);
+  device.position_scale = 2.0;
+  device.force_scale = 0.5;
+  stepper.set_device(0, device, 1);
+  device.target_velocity_m_s = {0.4, 0, 0};
+  stepper.set_device(0, device, 2);
+  stepper.step(1e-4);
+  // Implicitly, from rest at the target: v⁺ = h·B·v_T/(m + h·B + h²·K), with B and K scaled by 0.5/2.
+  const double h = 1e-4, B = 0.75, K = 0.25;
+  EXPECT_NEAR(stepper.answer(0).velocity_m_s[0], h * B * 0.4 / (0.1 + h * B + h * h * K), 1e-15);
+}
+
+TEST(Stepper, IgnoresAndCountsStatesThatAreNotFiniteOrHaveNoScale) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, device_at(0, 0.1), 1);
+  rtbus::DeviceState bad = device_at(std::numeric_limits<double>::quiet_NaN(), 0);
+  stepper.set_device(0, bad, 2);
+  bad = device_at(0.2, 0.2);
+  bad.target_velocity_m_s[2] = std::numeric_limits<double>::infinity();
+  stepper.set_device(0, bad, 3);
+  bad = device_at(0.2, 0.2);
+  bad.position_scale = 0.0;
+  stepper.set_device(0, bad, 4);
+  stepper.step(1e-3);
+  EXPECT_EQ(stepper.ignored_states(), 3U);
+  EXPECT_EQ(stepper.answer(0).device_sequence, 1U);
+  EXPECT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0, 0.1, 0}));
+}
+
+TEST(Stepper, StopsThePullOfASilentDevicesVelocity) {
+  Stepper stepper = floor_stepper();
+  rtbus::DeviceState device = device_at(0, 0.1);
+  stepper.set_device(0, device, 1);
+  device.target_velocity_m_s = {0.5, 0, 0};
+  stepper.set_device(0, device, 2);
+  for (int i = 0; i < 5000; ++i) stepper.step(1e-3);
+  EXPECT_GT(stepper.answer(0).position_m[0], 0.01);  // the damper holds it ahead of the target
+  stepper.hold_target(0);
+  for (int i = 0; i < 5000; ++i) stepper.step(1e-3);
+  EXPECT_NEAR(stepper.answer(0).position_m[0], 0.0, 1e-9);
+}
+
+TEST(Stepper, TracksASteadyMotionWithoutLagHoweverCoarseTheSteps) {
+  // The proxy at the end of a step belongs to the sample it answers: no drag in free air once the start has decayed.
+  struct Case {
+    double dt_s;
+    int substeps;
+  };
+  for (const Case c : {Case{1e-3, 1}, Case{1.0 / 18, 56}, Case{0.2, 200}, Case{0.2, 1}}) {
+    Stepper stepper = floor_stepper(c.substeps);
+    double x = 0.0;
+    const int steps = static_cast<int>(4.0 / c.dt_s);
+    for (int i = 0; i < steps; ++i) {
+      x = 0.1 * i * c.dt_s;
+      rtbus::DeviceState device = device_at(x, 0.1);
+      device.target_velocity_m_s = {0.1, 0, 0};
+      stepper.set_device(0, device, 1 + i);
+      stepper.step(c.dt_s);
+    }
+    EXPECT_NEAR(stepper.answer(0).position_m[0], x, 1e-6) << c.dt_s << ' ' << c.substeps;
+    EXPECT_NEAR(stepper.answer(0).coupling_force_n[0], 0.0, 1e-4) << c.dt_s << ' ' << c.substeps;
+  }
+}
+
+TEST(Stepper, ReportsForcesAsMeansOverTheWholeStep) {
+  Stepper stepper = floor_stepper(20);
+  stepper.set_device(0, device_at(0, 0.05), 1);
+  double before = 0.0;
+  for (int i = 0; i < 30; ++i) {
+    stepper.set_device(0, device_at(0, -0.01), 2 + i);
+    stepper.step(0.02);
+    const rtbus::ProxyState state = stepper.answer(0);
+    const double impulse = (state.coupling_force_n[1] + state.contact_force_n[1]) * 0.02;
+    ASSERT_NEAR(0.1 * (state.velocity_m_s[1] - before), impulse, 1e-12) << i;
+    before = state.velocity_m_s[1];
+  }
+}
+
+TEST(Stepper, IsBitIdenticalWhenRunTwice) {
+  rtbus::ProxyState last[2];
+  for (rtbus::ProxyState& out : last) {
+    Stepper stepper = floor_stepper(3);
+    for (int i = 0; i < 3000; ++i) {
+      stepper.set_device(0, device_at(0.05 * std::sin(0.01 * i), 0.02 * std::cos(0.017 * i)), 1 + i);
+      stepper.step(1e-3);
+    }
+    out = stepper.answer(0);
+  }
+  EXPECT_EQ(std::memcmp(&last[0], &last[1], sizeof last[0]), 0);
+}
+
+}  // namespace

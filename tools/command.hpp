@@ -1,0 +1,26 @@
+#pragma once
+/// @file command.hpp
+/// The commands of the `rtbus` tool. One file per command; each adds its options to its CLI11 sub-command and returns
+/// what is to be done once they are parsed.
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace tools {
+
+/// Exit status of every command: 0 fine, 1 failed, 2 usage or configuration.
+inline constexpr int kExitFine = 0;
+inline constexpr int kExitFailed = 1;
+inline constexpr int kExitUsage = 2;
+
+using Action = std::function<int()>;
+
+Action add_run(CLI::App& command);
+Action add_list(CLI::App& command);
+Action add_echo(CLI::App& command);
+Action add_hz(CLI::App& command);
+Action add_top(CLI::App& command);
+Action add_clean(CLI::App& command);
+Action add_doctor(CLI::App& command);
+Action add_evaluate(CLI::App& command);
+
+}  // namespace tools
