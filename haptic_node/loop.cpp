@@ -144,7 +144,8 @@ void Loop::cycle(std::uint64_t due_ns, std::uint64_t now_ns) noexcept {
   const drivers::IoStatus io = device_.read(now_ns, sample_);
   const std::uint64_t read_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
   const bool device_ok = io == drivers::IoStatus::kOk || io == drivers::IoStatus::kStale;
-  if (device_ok != device_ok_) note(device_ok ? LoopEvent::kDeviceBack : LoopEvent::kDeviceLost);
+  if (device_ok_ && !device_ok) note(LoopEvent::kDeviceLost);
+  if (device_ok && !device_ok_ && last_sample_ns_ != 0) note(LoopEvent::kDeviceBack);
   if (device_ok && !device_ok_) velocity_.reset();  // it may be anywhere by now: no difference across the gap
   device_ok_ = device_ok;
   const Eigen::Vector3d position_m = to_vector(sample_.position_m);

@@ -7,9 +7,10 @@
 #include <bit>
 #include <cstring>
 
+#include "haptic_node/bus_link.hpp"
+#include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/pacer.hpp"
-#include "rtbus/subscription.hpp"
 #include "rtbus/topic.hpp"
 
 namespace haptic {
@@ -49,31 +50,13 @@ std::uint32_t two_seconds(double rate_hz) { return std::bit_ceil(static_cast<std
 
 }  // namespace
 
-/// The node's ends of its topics, and the loop's link to physics over them.
-struct Node::Topics final : public PhysicsLink {
-  rtbus::Writer<rtbus::DeviceState> device_state;
+/// The node's ends of its topics.
+struct Node::Topics {
+  BusLink link;
   rtbus::Writer<rtbus::Telemetry> telemetry;
   rtbus::Writer<rtbus::LoopStats> loop_stats;
   rtbus::Writer<rtbus::Heartbeat> heartbeat;
   rtbus::Writer<rtbus::NodeInfo> node_info;
-  // Absent when the force law does not need physics.
-  std::unique_ptr<rtbus::Subscription<rtbus::ProxyState>> proxy_state;
-  std::unique_ptr<rtbus::Subscription<rtbus::Heartbeat>> physics_heartbeat;
-
-  Topics(rtbus::Writer<rtbus::DeviceState> a, rtbus::Writer<rtbus::Telemetry> b, rtbus::Writer<rtbus::LoopStats> c,
-         rtbus::Writer<rtbus::Heartbeat> d, rtbus::Writer<rtbus::NodeInfo> e)
-      : device_state(std::move(a)), telemetry(std::move(b)), loop_stats(std::move(c)), heartbeat(std::move(d)),
-        node_info(std::move(e)) {}
-
-  void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept override {
-    device_state.publish(state, now_ns);
-  }
-  bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept override {
-    return proxy_state && proxy_state->read_latest(out) == rtbus::ReadStatus::kFresh;
-  }
-  bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept override {
-    return physics_heartbeat && physics_heartbeat->read_latest(out) == rtbus::ReadStatus::kFresh;
-  }
 };
 
 Node::Node(HapticConfig config) : config_(std::move(config)) {}
@@ -98,19 +81,17 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "node_info", 4);
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
-  node->topics_ = std::make_unique<Topics>(std::move(*device_state), std::move(*telemetry), std::move(*loop_stats),
-                                           std::move(*heartbeat), std::move(*node_info));
+  node->topics_.reset(new Topics{
+      .link = {std::move(*device_state), session, settings.name, find_renderer(settings.method)->needs_physics},
+      .telemetry = std::move(*telemetry),
+      .loop_stats = std::move(*loop_stats),
+      .heartbeat = std::move(*heartbeat),
+      .node_info = std::move(*node_info)});
 
   auto device = settings.device->open({.session = session, .node_name = settings.name});
   if (!device) return rtbus::Failure{NodeFault{settings.name + ": " + device.error().message}};
   node->device_ = std::move(*device);
-  node->loop_ = std::make_unique<Loop>(settings, *node->device_, *node->topics_, true);
-  if (node->loop_->renderer().needs_physics()) {
-    node->topics_->proxy_state = std::make_unique<rtbus::Subscription<rtbus::ProxyState>>(
-        session, "physics.proxy_state." + settings.name, rtbus::ReaderOptions{});
-    node->topics_->physics_heartbeat =
-        std::make_unique<rtbus::Subscription<rtbus::Heartbeat>>(session, "physics.heartbeat", rtbus::ReaderOptions{});
-  }
+  node->loop_ = std::make_unique<Loop>(settings, *node->device_, node->topics_->link, true);
   return node;
 }
 
@@ -136,8 +117,10 @@ rtbus::Result<void, NodeFault> Node::start() {
     spdlog::warn("{}: requested stiffness {:g} N/m lowered to {:g} N/m, the limit of {}", config_.name,
                  config_.stiffness_requested_n_per_m, config_.stiffness_n_per_m, device.model);
   }
-  spdlog::info("{}: passive by its own viscous damping up to 2(b - |B|)/T = {:g} N/m", config_.name,
-               config_.passive_stiffness_n_per_m());
+  if (const double passive = config_.passive_stiffness_n_per_m(); config_.stiffness_n_per_m > passive) {
+    spdlog::info("{}: above {:g} N/m = 2(b - |B|)/T a wall is passive by friction, hand and the passivity controller only",
+                 config_.name, passive);
+  }
   spdlog::info("{}: left out: {}", config_.name, left_out());
 
   loop_thread_ = std::thread([this] { loop_thread(); });
@@ -262,8 +245,7 @@ void Node::house_thread() noexcept {
     beat.last_work_ns = last_tick_ns_.load(std::memory_order_relaxed);
     beat.state = static_cast<std::uint32_t>(stop_.load() ? rtbus::NodeState::kStopping : rtbus::NodeState::kRunning);
     topics_->heartbeat.publish(beat, now_ns);
-    if (topics_->proxy_state) topics_->proxy_state->maintain();
-    if (topics_->physics_heartbeat) topics_->physics_heartbeat->maintain();
+    topics_->link.maintain();
     device_->maintain();
     observed_.store(topics_->telemetry.observed(), std::memory_order_relaxed);
     drain();

@@ -8,7 +8,8 @@ namespace {
 std::unique_ptr<World> make_analytic(const rtbus::config::Scene& scene) {
   for (const rtbus::config::Body& body : scene.bodies) {
     if (body.type != rtbus::config::BodyType::kStatic) {
-      throw rtbus::config::Error(scene.file + ": body " + body.name + " moves, which the engine analytic cannot do; make it "
+      throw rtbus::config::Error(scene.file + ": body " + body.name +
+                                 " moves, which the engine analytic cannot do; make it "
                                  "static or choose an engine that moves bodies");
     }
   }
@@ -16,8 +17,8 @@ std::unique_ptr<World> make_analytic(const rtbus::config::Scene& scene) {
 }
 
 constexpr EngineEntry kEngines[] = {
-    {"analytic", "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies, soft bodies, body poses",
-     &make_analytic},
+    {"analytic", "Exact contact with static planes, spheres and boxes",
+     "Bullet, moving bodies, soft bodies, body poses, contact constraints on the link", &make_analytic},
 };
 
 }  // namespace

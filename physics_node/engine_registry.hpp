@@ -31,8 +31,8 @@ struct EngineEntry {
 /// Null when there is no row of that name.
 [[nodiscard]] const EngineEntry* find_engine(std::string_view name) noexcept;
 
-/// The world of `scene` in the engine of that name. Throws rtbus::config::Error, which lists the engines when the name is
-/// unknown and names the body when the engine cannot do it.
+/// The world of `scene` in the engine of that name. Throws rtbus::config::Error, which lists the engines when the name
+/// is unknown and names the body when the engine cannot do it.
 [[nodiscard]] std::unique_ptr<World> make_world(std::string_view engine, const rtbus::config::Scene& scene);
 
 }  // namespace physics

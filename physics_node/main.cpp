@@ -48,12 +48,14 @@ std::string help_footer() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Physics node: simulates the world of a session and the proxy of each of its haptic devices."};
+  CLI::App app{"Physics node: simulates the world of a session and the proxy of each of its haptic devices.",
+               "physics_node"};
   std::string file;
   std::vector<std::string> assignments;
-  app.add_option("--config", file, "Session file, for example config/wall.yaml")->required();
+  app.add_option("--config", file, "Session file, for example config/wall.yaml")->required()->type_name("FILE");
   app.add_option("--set", assignments, "Change a key of the session, as often as needed: --set physics.throttle_hz=18")
-      ->take_all();
+      ->take_all()
+      ->type_name("KEY=VALUE");
   app.footer(help_footer());
   app.failure_message([](const CLI::App*, const CLI::Error& error) {
     return "physics_node: " + std::string(error.what()) + " (--help lists the options)\n";

@@ -19,8 +19,8 @@
 namespace physics {
 namespace {
 
-constexpr int kStatsEvery = 10;  // beats: 5 Hz
-constexpr int kInfoEvery = 50;   // 1 Hz
+constexpr int kStatsEvery = 10;                                // beats: 5 Hz
+constexpr int kInfoEvery = 50;                                 // 1 Hz
 constexpr std::uint64_t kLongestNapNs = 20 * rtbus::kNsPerMs;  // a stop waits no longer than this
 
 template <std::size_t N>
@@ -36,7 +36,7 @@ struct Node::Topics {
   rtbus::Writer<rtbus::Heartbeat> heartbeat;
   rtbus::Writer<rtbus::StepStats> step_stats;
   rtbus::Writer<rtbus::NodeInfo> node_info;
-  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;                            // one per haptic node
+  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;                             // one per haptic node
   std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
 };
 
@@ -71,8 +71,8 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   node->topics_ = std::make_unique<Topics>(
       Topics{std::move(*heartbeat), std::move(*step_stats), std::move(*node_info), std::move(proxy_states)});
   for (const ProxyConfig& proxy : settings.proxies) {
-    node->topics_->device_states.push_back(std::make_unique<rtbus::Subscription<rtbus::DeviceState>>(
-        settings.session, proxy.device + ".device_state"));
+    node->topics_->device_states.push_back(
+        std::make_unique<rtbus::Subscription<rtbus::DeviceState>>(settings.session, proxy.device + ".device_state"));
   }
   return node;
 }
@@ -81,9 +81,9 @@ void Node::start() {
   const PhysicsConfig& physics = config_.physics;
   const EngineEntry* engine = find_engine(physics.engine);
   if (physics.throttle_hz) {
-    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step", physics.engine,
-                 config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), *physics.throttle_hz,
-                 physics.parts_per_step());
+    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step",
+                 physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
+                 *physics.throttle_hz, physics.parts_per_step());
   } else {
     spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {:g} Hz, {} parts per step", physics.engine,
                  config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.rate_hz,
@@ -120,8 +120,9 @@ void Node::read_devices() noexcept {
     rtbus::Stamped<rtbus::DeviceState> sample;
     if (topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh) {
       stepper_->set_device(i, sample.value, sample.sequence);
-      heard_ns_[i] = now_ns;
-    } else if (heard_ns_[i] != 0 && now_ns - heard_ns_[i] > kDeviceSilentNs) {
+      heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
+    }
+    if (heard_ns_[i] != 0 && now_ns > heard_ns_[i] + kDeviceSilentNs) {
       stepper_->hold_target(i);
       heard_ns_[i] = 0;
     }
@@ -222,7 +223,8 @@ void Node::beat_thread() noexcept {
       topics_->node_info.publish(info, rtbus::monotonic_ns());
       const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
       if (ignored > warned_ignored) {
-        spdlog::warn("physics: {} device states ignored so far: a value was not finite, or a scale not above 0", ignored);
+        spdlog::warn("physics: {} device states ignored so far: a value was not finite, or a scale not above 0",
+                     ignored);
         warned_ignored = ignored;
       }
     }

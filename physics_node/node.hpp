@@ -3,8 +3,9 @@
 /// The physics node: a Stepper between the bus and the clock.
 ///
 /// Threads: `physics_step` reads the devices, steps, publishes. `physics_beat` says every 20 ms that the process lives,
-/// attaches to topics that come and go, and publishes the statistics; it goes on while a step takes long, so that a slow
-/// engine and a dead process look different. Both are SCHED_OTHER: the hand's safety does not rest on this process.
+/// attaches to topics that come and go, and publishes the statistics; it goes on while a step takes long, so that a
+/// slow engine and a dead process look different. Both are SCHED_OTHER: the hand's safety does not rest on this
+/// process.
 #include <atomic>
 #include <memory>
 #include <string>
@@ -30,7 +31,8 @@ struct NodeFault {
 /// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
 /// engine would deliver it.
 ///
-/// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest.
+/// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest;
+/// when it speaks again, the proxy starts anew at the target it names.
 class Node {
  public:
   static constexpr std::uint64_t kDeviceSilentNs = 100'000'000;
@@ -58,7 +60,7 @@ class Node {
 
   NodeConfig config_;
   std::unique_ptr<Topics> topics_;
-  std::unique_ptr<Stepper> stepper_;  // of the step thread once it runs
+  std::unique_ptr<Stepper> stepper_;     // of the step thread once it runs
   std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed
 
   // Written by the step thread, read by the beat thread.

@@ -57,8 +57,9 @@ ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
     Map coupling = entry.map.map("coupling");
     config.stiffness_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
     if (config.stiffness_n_per_m < 0.1) {
-      coupling.fail("stiffness_n_per_m", "would leave the proxy where it is, for proxy.stiffness_n_per_m follows it; "
-                                         "give the proxy a stiffness of its own, 0.1 N/m or more");
+      coupling.fail("stiffness_n_per_m",
+                    "would leave the proxy where it is, for proxy.stiffness_n_per_m follows it; "
+                    "give the proxy a stiffness of its own, 0.1 N/m or more");
     }
   }
   return config;
@@ -66,8 +67,9 @@ ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
 
 NodeConfig read_node_config(rtbus::config::SessionConfig& session) {
   if (!session.physics) {
-    throw rtbus::config::Error(session.file + ": the session has no physics map, so there is nothing to simulate; add "
-                                              "'physics: {engine: analytic}' or start the haptic node alone");
+    throw rtbus::config::Error(session.file +
+                               ": the session has no physics map, so there is nothing to simulate; add "
+                               "'physics: {engine: analytic}' or start the haptic node alone");
   }
   NodeConfig config{session.session, session.scene, read_physics_config(*session.physics), {}, session.file};
   for (rtbus::config::HapticEntry& entry : session.haptic) config.proxies.push_back(read_proxy_config(entry));

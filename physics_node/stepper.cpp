@@ -47,8 +47,9 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
           ? *link.config.damping_n_s_per_m * to_world
           : 2.0 * kDefaultDampingRatio * std::sqrt(link.target.stiffness_n_per_m * link.config.mass_kg);
 
-  const bool begins = !link.connected || device.mapping_epoch != link.mapping_epoch || device.enabled == 0;
+  const bool begins = link.silent || device.mapping_epoch != link.mapping_epoch || device.enabled == 0;
   link.connected = true;
+  link.silent = false;
   link.enabled = device.enabled != 0;
   link.mapping_epoch = device.mapping_epoch;
   link.device_sequence = sequence;
@@ -56,7 +57,10 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   if (begins) rebase(proxy);
 }
 
-void Stepper::hold_target(std::size_t proxy) { links_.at(proxy).target.velocity_m_s.setZero(); }
+void Stepper::hold_target(std::size_t proxy) {
+  links_.at(proxy).target.velocity_m_s.setZero();
+  links_.at(proxy).silent = true;
+}
 
 void Stepper::step(double dt_s, int substeps) {
   const double h = dt_s / substeps;

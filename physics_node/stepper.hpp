@@ -1,7 +1,7 @@
 #pragma once
 /// @file stepper.hpp
-/// The core of the physics node without process, clock or bus: device states in, proxy states out. The node drives it by
-/// its clock; the deterministic harness drives it by a simulated one.
+/// The core of the physics node without process, clock or bus: device states in, proxy states out. The node drives it
+/// by its clock; the deterministic harness drives it by a simulated one.
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -14,20 +14,20 @@ namespace physics {
 
 /// Holds the world and one proxy per haptic node, in the order of `proxies`.
 ///
-/// Gains are configured at the device. In the world they are K·force_scale/position_scale, and the damping likewise, with
-/// the scales that came with the device state; a damping that follows from the damping ratio is 2ζ√(K_world·mass).
+/// Gains are configured at the device. In the world they are K·force_scale/position_scale, and the damping likewise,
+/// with the scales that came with the device state; a damping that follows from the damping ratio is 2ζ√(K_world·mass).
 /// One thread.
 class Stepper {
  public:
   Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps);
 
   /// The newest state of a device; `sequence` is its number in the topic.
-  ///  - The first state, a new mapping_epoch, and every state with enabled == 0 re-base the proxy: it is put onto the
-  ///    target at rest, so whatever begins then begins at zero stored energy.
+  ///  - The first state, the first after hold_target(), a new mapping_epoch, and every state with enabled == 0 re-base
+  ///    the proxy: it is put onto the target at rest, so whatever begins then begins at zero stored energy.
   ///  - A state with a value that is not finite, or a scale ≤ 0, is ignored and counted.
   void set_device(std::size_t proxy, const rtbus::DeviceState& device, std::uint64_t sequence);
 
-  /// The device has been silent for long: its last target stays, its velocity does not.
+  /// The device has been silent for long: its last target stays, its velocity does not. Its next state is a new start.
   void hold_target(std::size_t proxy);
 
   /// Advances the world by `dt_s` in `substeps` equal parts.
@@ -51,12 +51,13 @@ class Stepper {
   /// Between one device and its proxy.
   struct Link {
     ProxyConfig config;
-    ProxyTarget target;                                             // as last told by the device
-    Eigen::Vector3d previous_target_m = Eigen::Vector3d::Zero();    // at the end of the step before
-    Eigen::Vector3d coupling_force_n = Eigen::Vector3d::Zero();     // means over the last step
+    ProxyTarget target;                                           // as last told by the device
+    Eigen::Vector3d previous_target_m = Eigen::Vector3d::Zero();  // at the end of the step before
+    Eigen::Vector3d coupling_force_n = Eigen::Vector3d::Zero();   // means over the last step
     Eigen::Vector3d contact_force_n = Eigen::Vector3d::Zero();
     std::uint32_t contacts = 0;
-    bool connected = false;
+    bool connected = false;  // has ever spoken
+    bool silent = true;      // and not been silent since
     bool enabled = false;
     std::uint32_t mapping_epoch = 0;
     std::uint64_t device_sequence = 0;

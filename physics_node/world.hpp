@@ -15,19 +15,19 @@ namespace physics {
 
 /// The tool that a haptic device holds in the world: a sphere on a spring.
 struct ProxyParameters {
-  std::string device;                     ///< Haptic node it belongs to, "haptic0".
-  double mass_kg = 0.1;                   ///< In the world.
-  double radius_m = 0.0;                  ///< 0: a point.
-  double friction = 0.0;                  ///< Coulomb coefficient, multiplied with the body's.
+  std::string device;                                    ///< Haptic node it belongs to, "haptic0".
+  double mass_kg = 0.1;                                  ///< In the world.
+  double radius_m = 0.0;                                 ///< 0: a point.
+  double friction = 0.0;                                 ///< Coulomb coefficient, multiplied with the body's.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP at start.
 };
 
 /// Where the proxy is pulled to, and how hard. Set before each step.
 struct ProxyTarget {
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();     ///< p_WT.
-  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();   ///< v_WT: the damper acts on the relative velocity.
-  double stiffness_n_per_m = 0.0;                           ///< In the world (device stiffness · force_scale / position_scale).
-  double damping_n_s_per_m = 0.0;                           ///< In the world, likewise.
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_WT.
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_WT: the damper acts on the relative velocity.
+  double stiffness_n_per_m = 0.0;  ///< In the world (device stiffness · force_scale / position_scale).
+  double damping_n_s_per_m = 0.0;  ///< In the world, likewise.
 };
 
 /// What became of the proxy in the last step.

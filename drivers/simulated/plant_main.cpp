@@ -102,7 +102,11 @@ int main(int argc, char** argv) {
     if (const auto status = parse(argc, argv, arguments)) return *status;
     rtbus::config::SessionConfig session = rtbus::config::load_session(arguments.config, arguments.overrides);
     rtbus::config::HapticEntry* const entry = session.find_haptic(arguments.node);
-    if (entry == nullptr) return usage(arguments.config + " has no haptic node '" + arguments.node + "'");
+    if (entry == nullptr) {
+      std::fprintf(stderr, "%s: has no haptic node '%s'; give one of its names as --node\n", arguments.config.c_str(),
+                   arguments.node.c_str());
+      return kUsage;
+    }
     rtbus::config::Map file = entry->map.file_or_map("device");
     const auto config = drivers::parse_device(file);
     const auto* const simulated = dynamic_cast<const SimulatedConfig*>(config.get());

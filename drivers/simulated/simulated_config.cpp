@@ -1,6 +1,7 @@
 #include "drivers/simulated/simulated_config.hpp"
 
 #include <algorithm>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -60,8 +61,10 @@ void parse_limits(Map& map, MechanicsParameters& m, DeviceInfo& info) {
     map.fail("workspace_max_m", "is not above limits.workspace_min_m on every axis; raise it");
   }
   if (info.continuous_force_n > m.max_force_n) {
-    map.fail("continuous_force_n", "exceeds the peak mechanics.max_force_n = " + std::to_string(m.max_force_n) +
-                                       " N; lower it or raise the peak");
+    std::ostringstream peak;
+    peak << m.max_force_n;
+    map.fail("continuous_force_n",
+             "exceeds the peak mechanics.max_force_n = " + peak.str() + " N; lower it or raise the peak");
   }
 }
 

@@ -71,8 +71,7 @@ void AnalyticWorld::step_proxy(Proxy& proxy, double h) const {
   const Vector3d v = state.velocity_m_s;
 
   // What penetrates is moved out as a displacement: the spring sees it, the velocity does not.
-  const Vector3d x =
-      analytic::push_out(shapes_, proxy.parameters.radius_m, state.position_m, kRecoverySpeedMS * h);
+  const Vector3d x = analytic::push_out(shapes_, proxy.parameters.radius_m, state.position_m, kRecoverySpeedMS * h);
 
   // Where spring and damper alone would bring it, implicitly.
   const double effective_mass_kg = m + h * B + h * h * K;

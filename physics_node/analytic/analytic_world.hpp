@@ -1,6 +1,7 @@
 #pragma once
 /// @file analytic_world.hpp
-/// The reference engine: proxies against any number of static planes, spheres and boxes, exact where a closed form exists.
+/// The reference engine: proxies against any number of static planes, spheres and boxes, exact where a closed form
+/// exists.
 #include <vector>
 
 #include "physics_node/world.hpp"
@@ -18,13 +19,14 @@ namespace physics {
 /// onto what the bodies leave free; analytic/contact_sweep.hpp does that along the path, so that no speed and no step
 /// makes a proxy tunnel. Newton's law holds to rounding: m·(v⁺ − v)/h = coupling_force + contact_force.
 ///
-/// A proxy that starts inside a body is moved out at kRecoverySpeedMS or less, as a displacement without kinetic energy.
-/// Finite inputs beyond the limits below are clamped to them; targets and steps that are not finite are ignored.
+/// A proxy that starts inside a body is moved out at kRecoverySpeedMS or less, as a displacement without kinetic
+/// energy. Finite inputs beyond the limits below are clamped to them; targets and steps that are not finite are
+/// ignored.
 class AnalyticWorld final : public World {
  public:
-  static constexpr double kRecoverySpeedMS = 0.1;        ///< Of a proxy out of a body it started in.
-  static constexpr double kMaxPositionM = 1e5;           ///< Each coordinate of targets and resets.
-  static constexpr double kMaxVelocityMS = 1e5;          ///< Each coordinate of a target's velocity.
+  static constexpr double kRecoverySpeedMS = 0.1;  ///< Of a proxy out of a body it started in.
+  static constexpr double kMaxPositionM = 1e5;     ///< Each coordinate of targets and resets.
+  static constexpr double kMaxVelocityMS = 1e5;    ///< Each coordinate of a target's velocity.
   static constexpr double kMaxStiffnessNPerM = 1e8;
   static constexpr double kMaxDampingNSPerM = 1e8;
   static constexpr double kMinStepS = 1e-7, kMaxStepS = 10.0;

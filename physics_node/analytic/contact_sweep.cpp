@@ -10,8 +10,9 @@ using Eigen::Vector3d;
 using rtbus::shapes::PlacedShape;
 
 constexpr int kMaxAdvances = 48;  // rounds of the straight phase; Newton needs about 5, a grazing pass more
-constexpr int kMaxRounds = 48;    // rounds of the sliding phase; the error shrinks by (depth / radius) per round on a sphere
-constexpr int kMaxSweeps = 64;    // Gauss-Seidel; one plane needs 2, orthogonal planes 2 or 3
+constexpr int kMaxRounds =
+    48;  // rounds of the sliding phase; the error shrinks by (depth / radius) per round on a sphere
+constexpr int kMaxSweeps = 64;  // Gauss-Seidel; one plane needs 2, orthogonal planes 2 or 3
 constexpr int kPushOutSweeps = 8;
 constexpr double kTouchM = 1e-9;  // nearer than this is touching: far below any encoder, far above rounding
 
@@ -21,7 +22,7 @@ struct Contact {
   double gap_m = 0.0;                  // of the mover's surface; negative: penetrates
   double push_m = 0.0;                 // displacement along the normal, ≥ 0
   Vector3d drag_m = Vector3d::Zero();  // displacement by friction, at most friction·push_m long
-  double friction = 0.0;               // 0 until touched: a plane that only keeps the path safe is not there to rub against
+  double friction = 0.0;  // 0 until touched: a plane that only keeps the path safe is not there to rub against
   bool touched = false;
   Vector3d touch_m = Vector3d::Zero();  // where the mover was when it first touched the shape: slip counts from there
 };
@@ -95,8 +96,9 @@ Vector3d project(std::vector<Contact>& contacts, const Vector3d& position, const
   return end;
 }
 
-/// The part of the way from `position` to `end` that violates no plane. All of it when the sweeps converged; narrow wedges
-/// with friction may need more of them than there are, and then the mover stops short instead of entering a body.
+/// The part of the way from `position` to `end` that violates no plane. All of it when the sweeps converged; narrow
+/// wedges with friction may need more of them than there are, and then the mover stops short instead of entering a
+/// body.
 Vector3d keep_outside(const std::vector<Contact>& contacts, const Vector3d& position, const Vector3d& end) {
   const Vector3d way = end - position;
   double fraction = 1.0;

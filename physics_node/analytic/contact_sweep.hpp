@@ -26,14 +26,16 @@ struct SweepResult {
 /// Every shape is convex, so the plane that supports it at its nearest point keeps the mover out of the *whole* shape,
 /// however far it moves. Two phases use that:
 ///  1. straight towards the goal until the first touch (Newton's method on the convex distance along the line);
-///  2. from there, repeatedly: take the supporting planes at the present point, move to the point nearest the goal that they
+///  2. from there, repeatedly: take the supporting planes at the present point, move to the point nearest the goal that
+///  they
 ///     allow (projected Gauss-Seidel, friction cones included), look again, until nothing changes.
-/// Each intermediate point is free of penetration if `start` is, so stopping early is safe, only not yet at the optimum.
-/// One plane is solved exactly in the first round. This is the god-object of Zilles and Salisbury (IROS 1995), with friction.
+/// Each intermediate point is free of penetration if `start` is, so stopping early is safe, only not yet at the
+/// optimum. One plane is solved exactly in the first round. This is the god-object of Zilles and Salisbury (IROS 1995),
+/// with friction.
 ///
 /// With h the step and M the effective mass, the contact impulse is M·(end − goal)/h; its tangential part is bounded by
-/// friction times its normal part. Friction opposes the motion since the touch, so a mover that arrives obliquely sticks where
-/// it arrived and not beside its start, however long the step is.
+/// friction times its normal part. Friction opposes the motion since the touch, so a mover that arrives obliquely
+/// sticks where it arrived and not beside its start, however long the step is.
 [[nodiscard]] SweepResult sweep(const std::vector<rtbus::shapes::PlacedShape>& shapes, const Mover& mover,
                                 const Eigen::Vector3d& start, const Eigen::Vector3d& goal);
 

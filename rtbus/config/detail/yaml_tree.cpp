@@ -244,6 +244,9 @@ Node parse_yaml(std::string_view text, const std::string& source) {
 }
 
 Node read_yaml_file(const std::string& path, const std::string& source) {
+  if (path.empty()) {
+    throw Error("a configuration file is needed, but its name is empty; name one, for example config/wall.yaml");
+  }
   std::error_code ignored;
   const fs::file_status status = fs::status(path, ignored);
   if (!fs::exists(status)) {

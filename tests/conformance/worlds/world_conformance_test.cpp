@@ -1,5 +1,6 @@
-/// What every engine must do, whoever wrote it. A new row of the registry is tested for free. Where engines may differ by
-/// their solver, the tolerance is the suite's and wide; what must be exact for the analytic engine is in its unit tests.
+/// What every engine must do, whoever wrote it. A new row of the registry is tested for free. Where engines may differ
+/// by their solver, the tolerance is the suite's and wide; what must be exact for the analytic engine is in its unit
+/// tests.
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -20,7 +21,8 @@ using physics::World;
 
 class WorldConformance : public testing::TestWithParam<physics::EngineEntry> {
  protected:
-  static rtbus::config::Body fixed_body(const char* name, rtbus::shapes::Shape shape, const Vector3d& position = {0, 0, 0}) {
+  static rtbus::config::Body fixed_body(const char* name, rtbus::shapes::Shape shape,
+                                        const Vector3d& position = {0, 0, 0}) {
     rtbus::config::Body body;
     body.name = name;
     body.shape = shape;
@@ -86,7 +88,8 @@ TEST_P(WorldConformance, HoldsAProxyThatNobodyPulls) {
   const auto world = make(floor_scene());
   add_proxy(*world, {0, 0.1, 0});
   for (int i = 0; i < 100; ++i) world->step(1e-2);
-  EXPECT_NEAR((world->proxy(0).position_m - Vector3d(0, 0.1, 0)).norm(), 0.0, 1e-9);  // no gravity on a tool in the hand
+  EXPECT_NEAR((world->proxy(0).position_m - Vector3d(0, 0.1, 0)).norm(), 0.0,
+              1e-9);  // no gravity on a tool in the hand
 }
 
 TEST_P(WorldConformance, BringsTheProxyToItsTargetInFreeAir) {
@@ -248,8 +251,8 @@ TEST_P(WorldConformance, LeavesABodyItStartsDeepIn) {
   EXPECT_NEAR(proxy.position_m.y(), 0.2, 1e-3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Engines, WorldConformance, testing::ValuesIn(physics::registered_engines().begin(),
-                                                                      physics::registered_engines().end()),
+INSTANTIATE_TEST_SUITE_P(Engines, WorldConformance,
+                         testing::ValuesIn(physics::registered_engines().begin(), physics::registered_engines().end()),
                          [](const auto& row) { return std::string(row.param.name); });
 
 }  // namespace

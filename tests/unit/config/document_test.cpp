@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <clocale>
 #include <filesystem>
+#include <locale>
 #include <string>
 #include <vector>
 
@@ -54,7 +54,7 @@ TEST_F(Document, ReadsNumbersInTheWaysYamlWritesThem) {
 }
 
 TEST_F(Document, RefusesWhatIsNoFiniteNumber) {
-  for (const char* word : {"fast", "1,5", "0x10", "1e", "--1", "+-1", "1 2", "1_000", "infinity", "nanny", "e5", "-"}) {
+  for (const char* word : {"fast", "1,5", "0x10", "1e", "--1", "+-1", "1 2", "1_000", "infinity", "nanny", "e5"}) {
     Map map = read("rate_hz: " + std::string(word));
     EXPECT_THAT(error_of([&] { (void)map.number("rate_hz", {}); }), HasSubstr("is not a number")) << word;
   }
@@ -268,7 +268,7 @@ TEST_F(Document, RefusesWhatIsNoConfigurationFile) {
   EXPECT_THAT(error_of(load_it(folder_.path() / "absent.yaml")), HasSubstr("absent.yaml: there is no such file"));
   EXPECT_THAT(error_of(load_it(folder_.path())), HasSubstr("is a folder"));
   EXPECT_THAT(error_of(load_it("/dev/zero")), HasSubstr("is not a regular file"));
-  EXPECT_THAT(error_of(load_it("")), HasSubstr("there is no such file"));
+  EXPECT_THAT(error_of(load_it("")), HasSubstr("its name is empty"));
   EXPECT_EQ(error_of(load_it(folder_.write("big.yaml", "a: " + std::string(1 << 20, 'x')))),
             "big.yaml: is larger than 1 MiB; is this the right file?");
 }
@@ -282,21 +282,28 @@ TEST_F(Document, OutlivesTheMapsItWasTakenFrom) {
   EXPECT_EQ(kept[0].number("c", {}), 5.0);
 }
 
-TEST_F(Document, ReadsTheSameNumbersInEveryLocale) {
-  const std::string before = std::setlocale(LC_ALL, nullptr);
-  bool found = false;
-  for (const char* name : {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE.utf8"}) {
-    found = found || std::setlocale(LC_ALL, name) != nullptr;
+/// As in German or French: 1.5 is written 1,5 and thousands are grouped.
+class CommaPoint : public std::numpunct<char> {
+ protected:
+  char do_decimal_point() const override { return ','; }
+  char do_thousands_sep() const override { return '.'; }
+  std::string do_grouping() const override { return "\3"; }
+};
+
+TEST_F(Document, ReadsAndWritesNumbersAlikeInEveryLocale) {
+  const std::locale before = std::locale::global(std::locale(std::locale::classic(), new CommaPoint));
+  std::string message;
+  double a = 0.0;
+  try {
+    Map map = read("{a: 12345.5, rate_hz: 0.5}");
+    a = map.number("a", {});
+    message = error_of([&] { (void)map.number("rate_hz", {1.5, 20000}); });
+  } catch (const Error& error) {
+    message = error.what();
   }
-  Map map = read("{a: 1.5, rate_hz: 0.5}");
-  const double a = map.number("a", {});
-  const std::string message = error_of([&] { (void)map.number("rate_hz", {1.5, 2}); });
-  std::setlocale(LC_ALL, before.c_str());
-  EXPECT_EQ(a, 1.5);
-  EXPECT_THAT(message, EndsWith("rate_hz = 0.5 is below 1.5; choose 1.5…2 Hz"));
-  if (!found) {
-    GTEST_SKIP() << "no locale with a decimal comma is installed; checked in the C locale only";
-  }
+  std::locale::global(before);
+  EXPECT_EQ(a, 12345.5);
+  EXPECT_EQ(message, "x.yaml:1: rate_hz = 0.5 is below 1.5; choose 1.5…20000 Hz");
 }
 
 TEST_F(Document, EscapesWhatATerminalWouldObey) {

@@ -96,7 +96,7 @@ TEST(Passivity, KeepsAnActiveWallFromFeedingTheBounce) {
     }
     return v;
   };
-  EXPECT_GT(exit_speed(false), 0.13);
+  EXPECT_GT(exit_speed(false), 0.12);
   EXPECT_LT(exit_speed(true), exit_speed(false) - 0.02);
 }
 

@@ -106,12 +106,14 @@ TEST(AnalyticWorld, ReachesTheWallInTheStepInWhichItTouches) {
 }
 
 TEST(AnalyticWorld, ObeysNewtonInEveryStepOfABusyPath) {
-  AnalyticWorld world({placed(Plane{}, 0.4), placed(Sphere{0.05}, 0.4, {0.05, 0, 0}), placed(Box{{0.03, 0.03, 0.03}}, 0.4, {-0.1, 0, 0})});
+  AnalyticWorld world({placed(Plane{}, 0.4), placed(Sphere{0.05}, 0.4, {0.05, 0, 0}),
+                       placed(Box{{0.03, 0.03, 0.03}}, 0.4, {-0.1, 0, 0})});
   world.add_proxy(point_proxy({0, 0.1, 0}, 0.1));
   Vector3d v = Vector3d::Zero();
   for (int i = 0; i < 5000; ++i) {
     const double t = i * 1e-3;
-    world.set_proxy_target(0, pulled_to({0.15 * std::sin(7 * t), 0.03 * std::sin(11 * t), 0.05 * std::cos(5 * t)}, 800, 12));
+    world.set_proxy_target(
+        0, pulled_to({0.15 * std::sin(7 * t), 0.03 * std::sin(11 * t), 0.05 * std::cos(5 * t)}, 800, 12));
     world.step(1e-3);
     const ProxyReadout proxy = world.proxy(0);
     const Vector3d rate = 0.1 * (proxy.velocity_m_s - v) / 1e-3;
@@ -180,7 +182,8 @@ TEST(AnalyticWorld, FallsOffABoxEdgeAndIsHeldByTheNextFace) {
   world.add_proxy(point_proxy({0, 0.05, 0}));
   for (int i = 0; i < 4000; ++i) {  // over the top edge, then down the side, pressed inwards
     const double t = i * 1e-3;
-    const Vector3d target = t < 1 ? Vector3d(0.06 * t, 0.045, 0) : Vector3d(0.06 - 0.015 * std::min(t - 1, 1.0), 0.0, 0);
+    const Vector3d target =
+        t < 1 ? Vector3d(0.06 * t, 0.045, 0) : Vector3d(0.06 - 0.015 * std::min(t - 1, 1.0), 0.0, 0);
     world.set_proxy_target(0, pulled_to(target, 1000, 14));
     world.step(1e-3);
     const Vector3d p = world.proxy(0).position_m;
@@ -218,7 +221,9 @@ TEST(AnalyticWorld, MakesNoSpeedFromAnObstacleInTheWay) {
   for (int i = 0; i < 100; ++i) {
     world.step(0.1);
     const ProxyReadout proxy = world.proxy(0);
-    const double spring_gain = 0.5 * 0.5 * ((position - Vector3d(0.5, 0.03, 0)).squaredNorm() - (proxy.position_m - Vector3d(0.5, 0.03, 0)).squaredNorm());
+    const double spring_gain =
+        0.5 * 0.5 *
+        ((position - Vector3d(0.5, 0.03, 0)).squaredNorm() - (proxy.position_m - Vector3d(0.5, 0.03, 0)).squaredNorm());
     ASSERT_LE(0.5 * proxy.velocity_m_s.squaredNorm(), 0.5 * speed * speed + std::max(spring_gain, 0.0) + 1e-6) << i;
     speed = proxy.velocity_m_s.norm();
     position = proxy.position_m;
@@ -253,7 +258,8 @@ TEST(AnalyticWorld, HasNoGravityAndNoContactBetweenProxies) {
 TEST(AnalyticWorld, RejectsAProxyWithoutMass) {
   AnalyticWorld world({});
   EXPECT_THROW(world.add_proxy(point_proxy({0, 0, 0}, 0.0)), std::invalid_argument);
-  EXPECT_THROW(world.add_proxy(point_proxy({0, 0, 0}, std::numeric_limits<double>::quiet_NaN())), std::invalid_argument);
+  EXPECT_THROW(world.add_proxy(point_proxy({0, 0, 0}, std::numeric_limits<double>::quiet_NaN())),
+               std::invalid_argument);
 }
 
 }  // namespace

@@ -28,7 +28,8 @@ PlacedShape placed(rtbus::shapes::Shape shape, const Vector3d& position = Vector
 
 double clearance(const std::vector<PlacedShape>& shapes, const Vector3d& position, double radius_m) {
   double least = 1e9;
-  for (const PlacedShape& shape : shapes) least = std::min(least, nearest_surface(shape, position).distance_m - radius_m);
+  for (const PlacedShape& shape : shapes)
+    least = std::min(least, nearest_surface(shape, position).distance_m - radius_m);
   return least;
 }
 

@@ -43,7 +43,8 @@ TEST(EngineRegistry, ListsTheEnginesWhenAskedForAnUnknownOne) {
 
 TEST(EngineRegistry, NamesTheBodyThatAnalyticCannotMove) {
   constexpr auto kMoving = static_cast<BodyType>(1);  // a type that only other engines know
-  EXPECT_THAT(message_of("analytic", scene_with(kMoving)), AllOf(HasSubstr("scenes/peg.yaml"), HasSubstr("body peg moves")));
+  EXPECT_THAT(message_of("analytic", scene_with(kMoving)),
+              AllOf(HasSubstr("scenes/peg.yaml"), HasSubstr("body peg moves")));
 }
 
 TEST(EngineRegistry, DescribesEveryRow) {

@@ -19,9 +19,8 @@ using testing::HasSubstr;
 class PhysicsNodeConfig : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("rtbus_physics_" + std::to_string(getpid()) + "_" +
-               testing::UnitTest::GetInstance()->current_test_info()->name());
+    folder_ = std::filesystem::temp_directory_path() / ("rtbus_physics_" + std::to_string(getpid()) + "_" +
+                                                        testing::UnitTest::GetInstance()->current_test_info()->name());
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
@@ -95,8 +94,9 @@ TEST_F(PhysicsNodeConfig, CutsThrottledStepsIntoPartsNoLongerThanAPeriod) {
 }
 
 TEST_F(PhysicsNodeConfig, RefusesWhatContradictsItself) {
-  EXPECT_THAT(error_of("physics: {rate_hz: 100, throttle_hz: 200}"),
-              AllOf(HasSubstr("session.yaml:4"), HasSubstr("physics.throttle_hz = 200"), HasSubstr("above physics.rate_hz")));
+  EXPECT_THAT(
+      error_of("physics: {rate_hz: 100, throttle_hz: 200}"),
+      AllOf(HasSubstr("session.yaml:4"), HasSubstr("physics.throttle_hz = 200"), HasSubstr("above physics.rate_hz")));
   EXPECT_THAT(error_of("physics: {rate_hz: 20000, throttle_hz: 0.5, substeps: 1000}"), HasSubstr("physics.substeps"));
   EXPECT_THAT(error_of("physics: {}", "coupling: {stiffness_n_per_m: 0}"), HasSubstr("coupling.stiffness_n_per_m"));
 }

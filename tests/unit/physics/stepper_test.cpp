@@ -174,6 +174,21 @@ TEST(Stepper, StopsThePullOfASilentDevicesVelocity) {
   EXPECT_NEAR(stepper.answer(0).position_m[0], 0.0, 1e-9);
 }
 
+TEST(Stepper, StartsAnewWithADeviceThatWasSilent) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, device_at(0, 0.1), 1);
+  stepper.step(1e-3);
+  stepper.hold_target(0);
+  stepper.step(1e-3);
+  EXPECT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0, 0.1, 0}));
+  stepper.set_device(0, device_at(0.3, 0.2), 2);
+  stepper.step(1e-3);
+  EXPECT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0.3, 0.2, 0}));
+  stepper.set_device(0, device_at(0.4, 0.2), 3);
+  stepper.step(1e-3);
+  EXPECT_LT(stepper.answer(0).position_m[0], 0.35);  // from here on it is pulled, not put
+}
+
 TEST(Stepper, TracksASteadyMotionWithoutLagHoweverCoarseTheSteps) {
   // The proxy at the end of a step belongs to the sample it answers: no drag in free air once the start has decayed.
   struct Case {

@@ -69,7 +69,7 @@ const Damage kDamages[] = {
 TEST(CorruptSegment, EachDamageIsFoundOnOpening) {
   ScratchSession session;
   for (const Damage& damage : kDamages) {
-    auto writer = Writer<Probe>::create(session, "x");
+    auto writer = Writer<Probe>::create(session, "x", {.capacity = 256});
     ASSERT_TRUE(writer) << damage.what;
     ASSERT_TRUE(Reader<Probe>::open(session, "x")) << damage.what;
     RawFile file(session.path("x"));

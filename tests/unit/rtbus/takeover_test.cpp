@@ -12,7 +12,10 @@ using test::Probe;
 using test::RawFile;
 using test::ScratchSession;
 
-Probe probe(std::uint64_t n) { return {n, static_cast<double>(n), {1.0 * n, 2.0 * n, 3.0 * n}}; }
+Probe probe(std::uint64_t n) {
+  const auto value = static_cast<double>(n);
+  return {n, value, {value, 2 * value, 3 * value}};
+}
 
 /// Publishes 1…count in a child and leaves the writer alive there.
 std::function<bool()> publisher(const Session& session, std::uint64_t count, WriterOptions options = {}) {

@@ -68,7 +68,7 @@ TEST(TopicDirectory, RemovesDeadSegmentsAndLeavesLiveOnesAlone) {
 
   const RemovedTopics removed = remove_dead(session->name);
   EXPECT_THAT(removed.names, ::testing::ElementsAre(segment_name(session->name, "dead")));
-  EXPECT_EQ(removed.bytes, 12288u);
+  EXPECT_EQ(removed.bytes, 8192u);
   EXPECT_FALSE(session.exists("dead"));
   EXPECT_TRUE(session.exists("live"));
   EXPECT_TRUE(other.exists("dead"));

@@ -1,0 +1,50 @@
+#pragma once
+/// @file bus_link.hpp
+/// The loop's link to physics over the bus.
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "haptic_node/loop.hpp"
+#include "rtbus/messages.hpp"
+#include "rtbus/subscription.hpp"
+#include "rtbus/topic.hpp"
+
+namespace haptic {
+
+/// `<haptic>.device_state` out; `physics.proxy_state.<haptic>` and `physics.heartbeat` in, from whichever physics process
+/// is there. send() and receive() belong to the loop's thread, maintain() to the housekeeping thread.
+class BusLink final : public PhysicsLink {
+ public:
+  /// @param needs_physics False: the incoming topics are left out.
+  BusLink(rtbus::Writer<rtbus::DeviceState> device_state, const rtbus::Session& session, const std::string& node,
+          bool needs_physics)
+      : device_state_(std::move(device_state)) {
+    if (!needs_physics) return;
+    proxy_state_ = std::make_unique<rtbus::Subscription<rtbus::ProxyState>>(session, "physics.proxy_state." + node);
+    heartbeat_ = std::make_unique<rtbus::Subscription<rtbus::Heartbeat>>(session, "physics.heartbeat");
+  }
+
+  void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING override {
+    device_state_.publish(state, now_ns);
+  }
+  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING override {
+    return proxy_state_ && proxy_state_->read_latest(out) == rtbus::ReadStatus::kFresh;
+  }
+  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
+    return heartbeat_ && heartbeat_->read_latest(out) == rtbus::ReadStatus::kFresh;
+  }
+
+  /// Finds physics, and finds it again after a restart. About every 20 ms. @realtime No.
+  void maintain() noexcept {
+    if (proxy_state_) proxy_state_->maintain();
+    if (heartbeat_) heartbeat_->maintain();
+  }
+
+ private:
+  rtbus::Writer<rtbus::DeviceState> device_state_;
+  std::unique_ptr<rtbus::Subscription<rtbus::ProxyState>> proxy_state_;
+  std::unique_ptr<rtbus::Subscription<rtbus::Heartbeat>> heartbeat_;
+};
+
+}  // namespace haptic

@@ -1,0 +1,330 @@
+// One suite for every registered driver: what drivers/device.hpp promises, looked at from the loop's side. A new driver
+// needs one row in kRows (a device that opens without hardware), and is tested.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <memory>
+#include <new>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "drivers/registry.hpp"
+#include "rtbus/clock.hpp"
+#include "tests/conformance/devices/plant_process.hpp"
+
+namespace {
+thread_local bool counting_allocations = false;
+thread_local int allocations = 0;
+}  // namespace
+
+// Every allocation of this program passes here. Not inlined, for GCC would see malloc and free through new and delete and
+// warn that they do not match.
+#define NOINLINE [[gnu::noinline]]
+NOINLINE void* operator new(std::size_t bytes) {
+  if (counting_allocations) ++allocations;
+  if (void* const memory = std::malloc(bytes == 0 ? 1 : bytes)) return memory;
+  throw std::bad_alloc();
+}
+NOINLINE void* operator new[](std::size_t bytes) { return ::operator new(bytes); }
+NOINLINE void operator delete(void* memory) noexcept { std::free(memory); }
+NOINLINE void operator delete[](void* memory) noexcept { std::free(memory); }
+NOINLINE void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+NOINLINE void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
+#undef NOINLINE
+
+namespace drivers::testing {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr std::uint64_t kTickNs = rtbus::kNsPerMs;
+
+struct Row {
+  const char* driver;
+  const char* variant;      // for the name of the test
+  const char* device;       // a heavy tip that nobody holds and no weight pulls: what moves it is the force
+  double mass_kg;           // of that tip
+  bool stepped_clock;       // the device lives in handed-in time alone
+  bool own_process;         // needs a plant process
+};
+
+void PrintTo(const Row& row, std::ostream* out) { *out << row.driver << " " << row.variant; }
+
+constexpr Row kRows[] = {
+    {"simulated", "InTheNode",
+     "{schema: device/1, driver: simulated, mechanics: {mass_kg: 1, gravity_m_s2: [0, 0, 0]}}", 1.0, true, false},
+    {"simulated", "InItsOwnProcess",
+     "{schema: device/1, driver: simulated, process: own, mechanics: {mass_kg: 1, gravity_m_s2: [0, 0, 0]}}", 1.0,
+     false, true},
+};
+
+class DeviceConformance : public ::testing::TestWithParam<Row> {
+ protected:
+  void SetUp() override {
+    session_.emplace(GetParam().device);
+    if (GetParam().own_process) plant_.emplace(*session_);
+    device_ = session_->open_device();
+    ASSERT_NE(device_, nullptr);
+    now_ns_ = rtbus::monotonic_ns();
+    housekeeping_ = std::thread([this] {
+      while (!done_.load()) {
+        if (started_.load()) device_->maintain();
+        rtbus::sleep_until(rtbus::monotonic_ns() + 5 * rtbus::kNsPerMs);
+      }
+    });
+  }
+
+  void TearDown() override {
+    done_.store(true);
+    if (housekeeping_.joinable()) housekeeping_.join();
+    device_.reset();
+  }
+
+  void start() {
+    now_ns_ = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
+    const auto started = device_->start(now_ns_);
+    ASSERT_TRUE(started) << started.error().message;
+    // start() itself may do what maintain() does; the node's housekeeping begins after it.
+    started_.store(true);
+  }
+
+  void stop() {
+    started_.store(false);
+    device_->stop();
+  }
+
+  // The next cycle begins.
+  std::uint64_t tick() {
+    now_ns_ += kTickNs;
+    if (!GetParam().stepped_clock) {
+      rtbus::sleep_until(now_ns_);
+      now_ns_ = rtbus::monotonic_ns();
+    }
+    return now_ns_;
+  }
+
+  // Position at the newest sample; fails the test when the device is lost.
+  Vector3d position(DeviceSample& sample) {
+    const IoStatus status = device_->read(now_ns_, sample);
+    EXPECT_TRUE(status == IoStatus::kOk || status == IoStatus::kStale);
+    return {sample.position_m[0], sample.position_m[1], sample.position_m[2]};
+  }
+
+  // Mean velocity over the next `ticks` cycles without a write.
+  Vector3d coasting_velocity_m_s(int ticks) {
+    DeviceSample first;
+    DeviceSample last;
+    tick();
+    const Vector3d from = position(first);
+    Vector3d to = from;
+    for (int i = 0; i < ticks; ++i) {
+      tick();
+      to = position(last);
+    }
+    return (to - from) / rtbus::seconds_between(first.time_ns, last.time_ns);
+  }
+
+  void write_for(int ticks, const Vec3& force_n) {
+    for (int i = 0; i < ticks; ++i) {
+      tick();
+      ASSERT_EQ(device_->write(now_ns_, {force_n}), IoStatus::kOk);
+    }
+  }
+
+  // Difference of speed that a measurement over 20 ms cannot tell from none.
+  [[nodiscard]] double speed_noise_m_s() const { return 2.0 * device_->info().position_quantum_m / 0.020; }
+
+  std::optional<SessionFile> session_;
+  std::optional<PlantProcess> plant_;
+  std::unique_ptr<Device> device_;
+  std::uint64_t now_ns_ = 0;
+
+ private:
+  std::atomic<bool> started_{false};
+  std::atomic<bool> done_{false};
+  std::thread housekeeping_;
+};
+
+TEST_P(DeviceConformance, InfoHasSaneLimits) {
+  const DeviceInfo& info = device_->info();
+  EXPECT_FALSE(info.model.empty());
+  EXPECT_TRUE(info.dof_sensed == 3 || info.dof_sensed == 6);
+  EXPECT_EQ(info.dof_actuated, 3);
+  EXPECT_GT(info.max_force_n, 0.0);
+  EXPECT_LE(info.max_force_n, 100.0);
+  EXPECT_GT(info.continuous_force_n, 0.0);
+  EXPECT_LE(info.continuous_force_n, info.max_force_n);
+  EXPECT_GT(info.thermal_time_constant_s, 0.0);
+  EXPECT_GT(info.max_stiffness_n_per_m, 0.0);
+  EXPECT_GE(info.max_slew_n_per_ms, 2.0 * info.max_stiffness_n_per_m * 0.6 * 1e-3);
+  EXPECT_GE(info.position_quantum_m, 0.0);
+  EXPECT_GT(info.apparent_mass_kg, 0.0);
+  EXPECT_GE(info.viscous_damping_n_s_per_m, 0.0);
+  EXPECT_GE(info.coulomb_friction_n, 0.0);
+  EXPECT_GT(info.max_speed_m_s, 0.0);
+  EXPECT_GT(info.force_timeout_s, 0.0);
+  EXPECT_LE(info.force_timeout_s, 0.1);
+  for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_LT(info.workspace_min_m[axis], info.workspace_max_m[axis]);
+}
+
+TEST_P(DeviceConformance, IsLostBeforeStartAndAfterStop) {
+  DeviceSample sample;
+  EXPECT_EQ(device_->read(now_ns_, sample), IoStatus::kLost);
+  EXPECT_EQ(device_->write(now_ns_, {}), IoStatus::kLost);
+  ASSERT_NO_FATAL_FAILURE(start());
+  tick();
+  position(sample);
+  stop();
+  EXPECT_EQ(device_->read(now_ns_, sample), IoStatus::kLost);
+  EXPECT_EQ(device_->write(now_ns_, {}), IoStatus::kLost);
+}
+
+TEST_P(DeviceConformance, SamplesAreFiniteStampedAndNeverFromTheFuture) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  std::uint64_t last_ns = 0;
+  int fresh = 0;
+  for (int i = 0; i < 100; ++i) {
+    tick();
+    DeviceSample sample;
+    const IoStatus status = device_->read(now_ns_, sample);
+    ASSERT_TRUE(status == IoStatus::kOk || status == IoStatus::kStale);
+    fresh += status == IoStatus::kOk;
+    for (const double p : sample.position_m) ASSERT_TRUE(std::isfinite(p));
+    double norm = 0.0;
+    for (const double q : sample.orientation_wxyz) norm += q * q;
+    ASSERT_NEAR(norm, 1.0, 1e-6);
+    ASSERT_LE(sample.time_ns, now_ns_);
+    ASSERT_GT(sample.time_ns + 100 * rtbus::kNsPerMs, now_ns_);
+    ASSERT_GE(sample.time_ns, last_ns);
+    last_ns = sample.time_ns;
+    ASSERT_EQ(device_->write(now_ns_, {}), IoStatus::kOk);
+  }
+  EXPECT_GT(fresh, 0);
+  EXPECT_EQ(device_->clamped(), 0u);
+}
+
+TEST_P(DeviceConformance, ClampsTheForceKeepsItsDirectionAndCounts) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  DeviceSample before;
+  tick();
+  const Vector3d from = position(before);
+  const double limit_n = device_->info().max_force_n;
+  const std::uint64_t first_write_ns = now_ns_;
+  write_for(60, {0.6 * 1000.0 * limit_n, -0.8 * 1000.0 * limit_n, 0.0});
+  EXPECT_EQ(device_->clamped(), 60u);
+  DeviceSample after;
+  tick();
+  const Vector3d way = position(after) - from;
+  EXPECT_NEAR(way.normalized().dot(Vector3d(0.6, -0.8, 0.0)), 1.0, 1e-3);
+  const double time_s = rtbus::seconds_between(first_write_ns, after.time_ns);
+  EXPECT_LE(way.norm(),
+            1.02 * 0.5 * limit_n / GetParam().mass_kg * time_s * time_s + 4 * device_->info().position_quantum_m);
+}
+
+TEST_P(DeviceConformance, AcceptsTheLimitItselfUncounted) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  const double limit_n = device_->info().max_force_n;
+  write_for(3, {limit_n / std::sqrt(3.0), -limit_n / std::sqrt(3.0), limit_n / std::sqrt(3.0)});
+  EXPECT_EQ(device_->clamped(), 0u);
+}
+
+TEST_P(DeviceConformance, TakesANonFiniteForceAsZeroAndCounts) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  DeviceSample sample;
+  tick();
+  const Vector3d from = position(sample);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  write_for(20, {nan, 5.0, 5.0});
+  write_for(20, {5.0, std::numeric_limits<double>::infinity(), 5.0});
+  EXPECT_EQ(device_->clamped(), 40u);
+  tick();
+  EXPECT_LE((position(sample) - from).norm(), 2 * device_->info().position_quantum_m);
+}
+
+TEST_P(DeviceConformance, ForceEndsByItselfWhenWritesStop) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  write_for(30, {2.0, 0.0, 0.0});
+  const int timeout_ticks = static_cast<int>(device_->info().force_timeout_s * 1e3) + 2;
+  for (int i = 0; i < timeout_ticks; ++i) {
+    tick();
+    DeviceSample sample;
+    position(sample);
+  }
+  const Vector3d soon = coasting_velocity_m_s(20);
+  const Vector3d later = coasting_velocity_m_s(20);
+  EXPECT_GT(soon.x(), 0.02);  // it did act
+  // Held on, 2 N would have added some 0.04 m/s meanwhile.
+  EXPECT_LT(later.x(), soon.x() + speed_noise_m_s());
+}
+
+TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  write_for(30, {2.0, 0.0, 0.0});
+  stop();
+  stop();
+  ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
+  EXPECT_EQ(device_->clamped(), 0u);
+  const Vector3d soon = coasting_velocity_m_s(20);
+  const Vector3d later = coasting_velocity_m_s(20);
+  EXPECT_LT(later.x(), soon.x() + speed_noise_m_s());
+}
+
+TEST_P(DeviceConformance, ReadAndWriteDoNotAllocate) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  allocations = 0;
+  counting_allocations = true;
+  delete new int(1);  // the counter counts
+  EXPECT_EQ(allocations, 1);
+  int bad = 0;
+  for (int i = 0; i < 200; ++i) {
+    tick();
+    DeviceSample sample;
+    bad += device_->read(now_ns_, sample) == IoStatus::kLost;
+    bad += device_->write(now_ns_, {{0.1, 1e9, 0.0}}) != IoStatus::kOk;
+  }
+  counting_allocations = false;
+  EXPECT_EQ(allocations, 1);
+  EXPECT_EQ(bad, 0);
+}
+
+TEST_P(DeviceConformance, WaitBringsAFreshSampleOrEndsAtItsDeadline) {
+  if (!device_->info().can_pace_loop) GTEST_SKIP() << "clock: device is not possible with this driver";
+  EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns()), IoStatus::kLost);
+  now_ns_ = rtbus::monotonic_ns();
+  ASSERT_NO_FATAL_FAILURE(start());
+  std::uint64_t last_ns = 0;
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_EQ(device_->wait_sample(rtbus::monotonic_ns() + rtbus::kNsPerS), IoStatus::kOk);
+    DeviceSample sample;
+    ASSERT_EQ(device_->read(rtbus::monotonic_ns(), sample), IoStatus::kOk);
+    ASSERT_GT(sample.time_ns, last_ns);
+    last_ns = sample.time_ns;
+  }
+  const IoStatus status = device_->wait_sample(rtbus::monotonic_ns() - rtbus::kNsPerS);
+  EXPECT_EQ(status, IoStatus::kTimeout);
+}
+
+INSTANTIATE_TEST_SUITE_P(Drivers, DeviceConformance, ::testing::ValuesIn(kRows),
+                         [](const ::testing::TestParamInfo<Row>& row) {
+                           return std::string(row.param.driver) + row.param.variant;
+                         });
+
+TEST(Registry, EveryDriverIsInThisSuite) {
+  for (const DriverEntry& driver : registered_drivers()) {
+    EXPECT_TRUE(std::any_of(std::begin(kRows), std::end(kRows), [&](const Row& row) { return driver.name == row.driver; }))
+        << driver.name << " has no row in kRows";
+    EXPECT_FALSE(driver.description.empty());
+  }
+}
+
+}  // namespace
+}  // namespace drivers::testing

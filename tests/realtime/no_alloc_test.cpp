@@ -1,0 +1,95 @@
+/// The realtime path allocates nothing: ten thousand cycles of the real loop, with the real device simulation and the real
+/// bus, physics answering on the other end.
+#include "tests/support/no_alloc.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <vector>
+
+#include "haptic_node/bus_link.hpp"
+#include "haptic_node/loop.hpp"
+#include "physics_node/engine_registry.hpp"
+#include "physics_node/stepper.hpp"
+#include "rtbus/event_log.hpp"
+#include "rtbus/pacer.hpp"
+
+#if !defined(RTBUS_SANITIZED)
+namespace {
+
+TEST(AllocationTrap, CatchesWhatItShouldCatch) {
+  tests::AllocationTrap trap;
+  volatile int* const leak = new int(3);
+  delete leak;
+  std::vector<int> growing;
+  growing.reserve(100);
+  EXPECT_GE(trap.count(), 3u);
+}
+
+class LoopOnTheBus : public testing::TestWithParam<const char*> {};
+
+TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
+  const std::string file = std::string(RTBUS_SOURCE_DIR) + "/config/" + GetParam();
+  auto settings = rtbus::config::load_session(
+      file, {rtbus::config::parse_override("session=noalloc" + std::to_string(getpid()))});
+  const haptic::HapticConfig config = haptic::read_haptic_config(settings, 0);
+  auto device = config.device->open({.session = settings.session, .node_name = config.name});
+  ASSERT_TRUE(device) << device.error().message;
+
+  auto device_state = rtbus::Writer<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
+  auto telemetry = rtbus::Writer<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
+  ASSERT_TRUE(device_state && telemetry);
+  haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", settings.physics.has_value());
+  haptic::Loop loop(config, **device, link, true);
+  rtbus::EventLog events;
+
+  // The other end, in this thread: one physics step per haptic tick.
+  std::unique_ptr<physics::Stepper> stepper;
+  std::optional<rtbus::Reader<rtbus::DeviceState>> hand;
+  std::optional<rtbus::Writer<rtbus::ProxyState>> proxy;
+  std::optional<rtbus::Writer<rtbus::Heartbeat>> beat;
+  if (settings.physics) {
+    stepper = std::make_unique<physics::Stepper>(
+        physics::make_world("analytic", settings.scene),
+        std::vector<physics::ProxyConfig>{physics::read_proxy_config(settings.haptic[0])}, 1);
+    hand.emplace(*rtbus::Reader<rtbus::DeviceState>::open(settings.session, "haptic0.device_state"));
+    proxy.emplace(*rtbus::Writer<rtbus::ProxyState>::create(settings.session, "physics.proxy_state.haptic0"));
+    beat.emplace(*rtbus::Writer<rtbus::Heartbeat>::create(settings.session, "physics.heartbeat"));
+  }
+  link.maintain();
+
+  std::uint64_t now_ns = rtbus::monotonic_ns();
+  ASSERT_TRUE((*device)->start(now_ns));
+  rtbus::Stamped<rtbus::DeviceState> seen;
+  double peak_n = 0.0;
+  std::uint64_t allocations = 0;
+  rtbus::Pacer pacer(now_ns, config.period_ns());
+  for (int tick = 0; tick < 10'000; ++tick) {
+    now_ns = pacer.due_ns();
+    if (stepper) {
+      if (hand->read_latest(seen) == rtbus::ReadStatus::kFresh) stepper->set_device(0, seen.value, seen.sequence);
+      stepper->step(1e-3);
+      proxy->publish(stepper->answer(0), now_ns);
+      rtbus::Heartbeat alive;
+      alive.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
+      beat->publish(alive, now_ns);
+    }
+    tests::AllocationTrap trap;
+    loop.cycle(now_ns, now_ns);
+    telemetry->publish(loop.telemetry(), now_ns);
+    while (loop.take_event() != haptic::LoopEvent::kNone) events.push(now_ns, 1);
+    pacer.advance(now_ns);
+    loop.count_schedule(pacer.due(), pacer.overruns());
+    allocations += trap.count();
+    peak_n = std::max(peak_n, std::abs(loop.telemetry().force_n[1]));
+  }
+  EXPECT_EQ(allocations, 0u);
+  EXPECT_GT(peak_n, 0.5) << "the run must have touched the wall, else it proves little";
+  (*device)->stop();
+}
+
+INSTANTIATE_TEST_SUITE_P(Sessions, LoopOnTheBus, testing::Values("wall.yaml", "drop.yaml"));
+
+}  // namespace
+#endif

@@ -1,0 +1,113 @@
+/// The realtime thread makes no system call but its one sleep: strace looks at the real haptic_node while it touches the
+/// wall, answers physics and is being observed.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <string>
+#include <thread>
+
+#include "rtbus/messages.hpp"
+#include "rtbus/topic.hpp"
+
+#if !defined(RTBUS_SANITIZED)
+namespace {
+
+using namespace std::chrono_literals;
+
+pid_t spawn(const std::vector<std::string>& command) {
+  const pid_t pid = fork();
+  if (pid != 0) return pid;
+  std::vector<char*> arguments;
+  for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  execvp(arguments[0], arguments.data());
+  _exit(127);
+}
+
+int finish(pid_t pid, int signal) {
+  kill(pid, signal);
+  int status = 0;
+  waitpid(pid, &status, 0);
+  return status;
+}
+
+TEST(HapticLoop, MakesNoSystemCallButItsSleep) {
+  if (std::system("strace -o /dev/null true 2>/dev/null") != 0) {
+    GTEST_SKIP() << "strace is not there or may not trace here";
+  }
+  const std::string session = "strace" + std::to_string(getpid());
+  const std::string trace = testing::TempDir() + session + ".txt";
+  const std::string binaries = RTBUS_BINARY_DIR;
+  const std::string config = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml";
+  const std::string rename = "session=" + session;
+  const pid_t physics = spawn({binaries + "/physics_node", "--config", config, "--set", rename});
+  const pid_t haptic = spawn({"strace", "-f", "-qq", "-o", trace, binaries + "/haptic_node", "--config", config, "--set", rename});
+
+  // Somebody looks at the telemetry, so that publishing it is part of what is traced.
+  rtbus::Session bus;
+  bus.name = session;
+  double peak_n = 0.0;
+  std::uint64_t ticks = 0;
+  {
+    std::optional<rtbus::Reader<rtbus::Telemetry>> reader;
+    const auto end = std::chrono::steady_clock::now() + 6s;
+    while (std::chrono::steady_clock::now() < end && !(ticks > 2500 && peak_n > 0.1)) {
+      std::this_thread::sleep_for(20ms);
+      if (!reader) {
+        auto opened = rtbus::Reader<rtbus::Telemetry>::open(bus, "haptic0.telemetry", {.presence = true});
+        if (opened) reader.emplace(std::move(*opened));
+        continue;
+      }
+      rtbus::Stamped<rtbus::Telemetry> sample;
+      while (reader->read_next(sample) == rtbus::ReadStatus::kFresh) {
+        ticks = sample.value.tick;
+        peak_n = std::max(peak_n, sample.value.force_n[1]);
+      }
+    }
+  }
+  // strace ends its tracee's children on its own end; ask the node itself to end.
+  std::system(("pkill -TERM -f 'haptic_node --config .*" + rename + "'").c_str());
+  int status = 0;
+  waitpid(haptic, &status, 0);
+  finish(physics, SIGTERM);
+  ASSERT_GT(ticks, 1000u);
+  EXPECT_GT(peak_n, 0.1) << "the run must have touched the wall";
+
+  // The loop's thread is the one that takes the name haptic_loop; its cycles begin with its first sleep and end with the
+  // last one. In between strace may show nothing else.
+  std::ifstream in(trace);
+  std::string line;
+  std::string thread;
+  std::vector<std::string> calls;
+  const std::regex named(R"(^(\d+) +prctl\(PR_SET_NAME, "haptic_loop")");
+  while (std::getline(in, line)) {
+    std::smatch match;
+    if (std::regex_search(line, match, named)) thread = match[1];
+    else if (!thread.empty() && line.compare(0, thread.size() + 1, thread + " ") == 0) calls.push_back(line.substr(thread.size() + 1));
+  }
+  ASSERT_FALSE(thread.empty());
+  const auto is_sleep = [](const std::string& call) { return call.find("clock_nanosleep") != std::string::npos; };
+  const auto first = std::find_if(calls.begin(), calls.end(), is_sleep);
+  const auto last = std::find_if(calls.rbegin(), calls.rend(), is_sleep).base();
+  std::map<std::string, int> others;
+  long sleeps = 0;
+  for (auto call = first; call < last; ++call) {
+    if (is_sleep(*call)) ++sleeps;
+    else ++others[call->substr(call->find_first_not_of(' '), 60)];
+  }
+  for (const auto& [call, count] : others) ADD_FAILURE() << count << " x " << call;
+  EXPECT_GT(sleeps, 1000);
+  std::printf("%ld sleeps and %zu other system calls of haptic_loop, peak force %.2f N\n", sleeps, others.size(), peak_n);
+  std::filesystem::remove(trace);
+}
+
+}  // namespace
+#endif

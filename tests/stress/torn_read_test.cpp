@@ -1,0 +1,209 @@
+// No reader ever accepts a torn sample from a writer at full speed, and the newest value is never starved.
+//
+// RTBUS_STRESS_READS sets the number of reads that copy a sample; without it 10^8, or 2·10^6 in a sanitized build.
+// Reads that find nothing new copy nothing, so they prove nothing and are not counted.
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cinttypes>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/topic.hpp"
+#include "rtbus/topic_directory.hpp"
+
+namespace rtbus {
+namespace {
+
+/// 256 bytes whose words all follow from the first.
+struct Flood {
+  std::array<std::uint64_t, 32> words{};
+};
+
+/// Word i of sample n. Differs from sample to sample in every word, so that any mixture shows.
+constexpr std::uint64_t word_of(std::uint64_t n, std::size_t i) {
+  return (n + 0x9e3779b97f4a7c15ULL * (i + 1)) * (2 * i + 1);
+}
+
+}  // namespace
+
+template <>
+struct SampleTraits<Flood> {
+  static constexpr std::string_view kName = "test/Flood";
+  static constexpr std::array kFields{RTBUS_FIELD(Flood, words, "1")};
+};
+
+namespace {
+
+std::uint64_t reads_wanted() {
+  if (const char* const text = std::getenv("RTBUS_STRESS_READS")) return std::strtoull(text, nullptr, 10);
+#ifdef RTBUS_SANITIZED
+  return 2'000'000;
+#else
+  return 100'000'000;
+#endif
+}
+
+/// All of a test's reading ends by then, on however slow a machine; it says so and fails.
+constexpr std::uint64_t kTimeLimitNs = 200 * kNsPerS;
+
+void flood(Writer<Flood>& writer, const std::atomic<bool>& stop) {
+  Flood sample;
+  for (std::uint64_t n = writer.published() + 1; !stop.load(std::memory_order_relaxed); ++n) {
+    for (std::size_t i = 0; i < sample.words.size(); ++i) sample.words[i] = word_of(n, i);
+    writer.publish(sample, n);
+  }
+}
+
+struct Tally {
+  std::uint64_t fresh = 0, same = 0, lapped = 0, missed = 0, torn = 0, backwards = 0;
+  double seconds = 0.0;
+
+  [[nodiscard]] std::uint64_t reads() const { return fresh + lapped; }
+  /// Share of the reads that got a sample: how far the newest value is from being starved.
+  [[nodiscard]] double served() const { return static_cast<double>(fresh) / static_cast<double>(reads()); }
+  void print(const char* what) const {
+    std::printf("%s: %" PRIu64 " reads in %.1f s, %.2f M/s; fresh %.4f %%, lapped %" PRIu64 ", torn %" PRIu64
+                "; besides, nothing new %" PRIu64 ", jumped over %" PRIu64 "\n",
+                what, reads(), seconds, 1e-6 * static_cast<double>(reads()) / seconds, 100.0 * served(), lapped, torn,
+                same, missed);
+    std::fflush(stdout);
+  }
+};
+
+Tally read_many(Reader<Flood>& reader, bool in_order, std::uint64_t wanted, std::uint64_t deadline_ns) {
+  Tally tally;
+  Stamped<Flood> got;
+  std::uint64_t last = 0;
+  const std::uint64_t begin_ns = monotonic_ns();
+  for (std::uint64_t i = 0; tally.reads() < wanted; ++i) {
+    if (i % 65536 == 0 && monotonic_ns() > deadline_ns) break;
+    switch (in_order ? reader.read_next(got) : reader.read_latest(got)) {
+      case ReadStatus::kSame:
+      case ReadStatus::kDetached: ++tally.same; continue;
+      case ReadStatus::kLapped: ++tally.lapped; continue;
+      case ReadStatus::kFresh: break;
+    }
+    ++tally.fresh;
+    bool whole = got.stamp_ns == got.sequence;
+    for (std::size_t word = 0; word < got.value.words.size(); ++word) {
+      whole &= got.value.words[word] == word_of(got.sequence, word);
+    }
+    tally.torn += whole ? 0 : 1;
+    tally.backwards += got.sequence > last ? 0 : 1;
+    last = got.sequence;
+  }
+  tally.seconds = seconds_between(begin_ns, monotonic_ns());
+  tally.missed = reader.missed();
+  return tally;
+}
+
+Session stress_session() {
+  Session session;
+  session.name = "stress-" + std::to_string(::getpid());
+  return session;
+}
+
+void pin_to(int core) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(core, &set);
+  (void)::sched_setaffinity(0, sizeof set, &set);  // on one core it just takes longer
+}
+
+/// A child that publishes at full speed until it is killed; it dies with its parent.
+pid_t start_flooding_process(const Session& session, std::uint32_t capacity) {
+  const pid_t pid = ::fork();
+  if (pid != 0) return pid;
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  pin_to(0);
+  auto writer = Writer<Flood>::create(session, "flood", {.capacity = capacity});
+  if (!writer) ::_exit(1);
+  const std::atomic<bool> never{false};
+  flood(*writer, never);
+  ::_exit(0);
+}
+
+Result<Reader<Flood>, TopicError> open_soon(const Session& session) {
+  for (int i = 0; i < 5000; ++i) {
+    auto reader = Reader<Flood>::open(session, "flood");
+    if (reader || reader.error() != TopicError::kNotFound) return reader;
+    sleep_until(monotonic_ns() + kNsPerMs);
+  }
+  return Failure{TopicError::kNotFound};
+}
+
+class TwoProcesses : public ::testing::TestWithParam<std::uint32_t> {};
+
+TEST_P(TwoProcesses, NeverSeeATornSample) {
+  const Session session = stress_session();
+  const pid_t writer = start_flooding_process(session, GetParam());
+  ASSERT_GT(writer, 0);
+  cpu_set_t before;
+  ::sched_getaffinity(0, sizeof before, &before);
+  pin_to(1);
+  // The default ring carries most of the reads; the smallest one has the most collisions per read.
+  const std::uint64_t wanted = GetParam() == 64 ? reads_wanted() * 2 / 5 : reads_wanted() / 10;
+  const std::uint64_t deadline_ns = monotonic_ns() + kTimeLimitNs;
+  for (const bool in_order : {false, true}) {
+    auto reader = open_soon(session);
+    ASSERT_TRUE(reader) << to_string(reader.error());
+    const Tally tally = read_many(*reader, in_order, wanted, deadline_ns);
+    tally.print(in_order ? "read_next  " : "read_latest");
+    EXPECT_EQ(tally.torn, 0u);
+    EXPECT_EQ(tally.backwards, 0u);
+    EXPECT_GE(tally.reads(), wanted) << "the machine is too slow for so many; set RTBUS_STRESS_READS";
+    ASSERT_GT(tally.fresh, 0u);
+    // A single slot starves its reader; from a ring of 64 the newest is nearly always to be had.
+    if (GetParam() == 64 && !in_order) {
+      EXPECT_GT(tally.served(), 0.95);
+    }
+  }
+  ::sched_setaffinity(0, sizeof before, &before);
+  ::kill(writer, SIGKILL);
+  ::waitpid(writer, nullptr, 0);
+  (void)remove_dead(session.name);
+}
+
+INSTANTIATE_TEST_SUITE_P(Rings, TwoProcesses, ::testing::Values(64u, 2u),
+                         [](const auto& parameter) { return "Of" + std::to_string(parameter.param); });
+
+TEST(TwoReaderThreads, NeverSeeATornSample) {
+  // Within one process, where ThreadSanitizer sees both sides.
+  const Session session = stress_session();
+  const std::uint64_t wanted = std::min<std::uint64_t>(reads_wanted(), 1'000'000);
+  const std::uint64_t deadline_ns = monotonic_ns() + kTimeLimitNs;
+  for (const std::uint32_t capacity : {2u, 64u}) {
+    auto writer = Writer<Flood>::create(session, "flood", {.capacity = capacity});
+    ASSERT_TRUE(writer);
+    auto latest = Reader<Flood>::open(session, "flood");
+    auto next = Reader<Flood>::open(session, "flood");
+    ASSERT_TRUE(latest);
+    ASSERT_TRUE(next);
+    std::atomic<bool> stop{false};
+    std::thread writing([&] { flood(*writer, stop); });
+    Tally from_next;
+    std::thread following([&] { from_next = read_many(*next, true, wanted / 4, deadline_ns); });
+    const Tally from_latest = read_many(*latest, false, wanted / 4, deadline_ns);
+    following.join();
+    stop = true;
+    writing.join();
+    from_latest.print("read_latest");
+    from_next.print("read_next  ");
+    EXPECT_EQ(from_latest.torn + from_next.torn, 0u);
+    EXPECT_EQ(from_latest.backwards + from_next.backwards, 0u);
+    EXPECT_GT(from_latest.fresh, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace rtbus

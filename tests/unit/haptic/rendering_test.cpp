@@ -1,0 +1,158 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "haptic_node/rendering/direct.hpp"
+#include "haptic_node/rendering/registry.hpp"
+#include "haptic_node/rendering/remote_virtual_coupling.hpp"
+
+namespace {
+
+using Eigen::Vector3d;
+using haptic::Direct;
+using haptic::Mapping;
+using haptic::MappingConfig;
+using haptic::RenderInput;
+using rtbus::shapes::Box;
+using rtbus::shapes::PlacedShape;
+using rtbus::shapes::Plane;
+using rtbus::shapes::Sphere;
+
+RenderInput at(const Vector3d& position_m, const Vector3d& velocity_m_s = Vector3d::Zero()) {
+  RenderInput input;
+  input.dt_s = 1e-3;
+  input.position_m = position_m;
+  input.velocity_m_s = velocity_m_s;
+  return input;
+}
+
+PlacedShape placed(rtbus::shapes::Shape shape, const Vector3d& p_WB = Vector3d::Zero()) {
+  PlacedShape out;
+  out.shape = shape;
+  out.p_WB = p_WB;
+  return out;
+}
+
+class DirectOnAPlane : public testing::Test {
+ protected:
+  Mapping mapping_{MappingConfig{}};
+  Direct direct_{200.0, 0.5, mapping_, {placed(Plane{})}};
+};
+
+TEST_F(DirectOnAPlane, IsZeroInFreeAir) {
+  EXPECT_EQ(direct_.render(at({0.01, 0.02, 0.03}, {1.0, -1.0, 0.0})).force_n, Vector3d::Zero());
+}
+
+TEST_F(DirectOnAPlane, IsASpringDamperInside) {
+  // −K·y − B·v (paper, Fig. 8): 200·0.002 + 0.5·0.1 = 0.45 N.
+  const auto out = direct_.render(at({0.01, -0.002, 0.0}, {0.3, -0.1, 0.0}));
+  EXPECT_NEAR(out.force_n.y(), 0.45, 1e-12);
+  EXPECT_NEAR(out.force_n.x(), 0.0, 1e-12) << "no drag along the wall";
+  EXPECT_LT((out.proxy_position_m - Vector3d(0.01, 0.0, 0.0)).norm(), 1e-12);
+}
+
+TEST_F(DirectOnAPlane, NeverPullsTheHandIn) {
+  const auto out = direct_.render(at({0.0, -0.0001, 0.0}, {0.0, 1.0, 0.0}));
+  EXPECT_EQ(out.force_n.norm(), 0.0);
+}
+
+TEST(Direct, FollowsAScaledAndTurnedMapping) {
+  MappingConfig config;
+  config.position_scale = 10.0;
+  config.force_scale = 0.1;
+  config.q_WD = Eigen::AngleAxisd(M_PI / 2.0, Vector3d::UnitX());  // the device's z points to −y of the world
+  const Mapping mapping(config);
+  Direct direct(300.0, 0.0, mapping, {placed(Plane{})});
+  const auto out = direct.render(at({0.0, 0.0, 0.004}));
+  // 4 mm beyond the wall at the device is 4 cm in the world; the gain is at the device: 1.2 N back along −z.
+  EXPECT_LT((out.force_n - Vector3d(0.0, 0.0, -1.2)).norm(), 1e-12);
+}
+
+TEST(Direct, PushesRadiallyOutOfASphere) {
+  const Mapping mapping{MappingConfig{}};
+  Direct direct(500.0, 0.0, mapping, {placed(Sphere{0.03})});
+  const Vector3d inward = Vector3d(1.0, 2.0, -0.5).normalized();
+  (void)direct.render(at(0.031 * inward));
+  const auto out = direct.render(at(0.028 * inward));
+  EXPECT_LT((out.force_n - 1.0 * inward).norm(), 1e-6);
+}
+
+TEST(Direct, SlidesAroundASphereWithoutSticking) {
+  const Mapping mapping{MappingConfig{}};
+  Direct direct(500.0, 0.0, mapping, {placed(Sphere{0.03})});
+  for (int k = 0; k <= 1000; ++k) {
+    const double angle = 1.5 * static_cast<double>(k) * 1e-3;
+    const Vector3d direction(std::cos(angle), std::sin(angle), 0.0);
+    const auto out = direct.render(at(0.028 * direction));
+    if (k > 0) {
+      ASSERT_NEAR(out.force_n.norm(), 1.0, 0.01);
+      ASSERT_GT(out.force_n.normalized().dot(direction), 0.999);
+    }
+  }
+}
+
+TEST(Direct, DoesNotPopThroughAThinBox) {
+  const Mapping mapping{MappingConfig{}};
+  Direct direct(500.0, 0.0, mapping, {placed(Box{{0.05, 0.002, 0.05}})});
+  // From above right through a 4 mm plate, 1 mm per tick, and 10 mm out at the other side.
+  Vector3d force = Vector3d::Zero();
+  for (int k = 0; k <= 22; ++k) force = direct.render(at({0.0, 0.010 - 0.001 * k, 0.0})).force_n;
+  EXPECT_NEAR(force.y(), 500.0 * 0.014, 1e-6) << "still held by the upper face";
+}
+
+TEST(Direct, LetsGoWhenTheHandGoesRoundTheEdge) {
+  const Mapping mapping{MappingConfig{}};
+  Direct direct(500.0, 0.0, mapping, {placed(Box{{0.02, 0.002, 0.02}})});
+  (void)direct.render(at({0.0, 0.003, 0.0}));
+  for (int k = 0; k <= 40; ++k) (void)direct.render(at({0.001 * k, 0.001, 0.0}));
+  const auto out = direct.render(at({0.04, 0.001, 0.0}));
+  EXPECT_LT(out.force_n.norm(), 1e-6);
+}
+
+TEST(Direct, IsHeldByBothWallsOfACorner) {
+  const Mapping mapping{MappingConfig{}};
+  PlacedShape side = placed(Plane{});
+  side.q_WB = Eigen::AngleAxisd(-M_PI / 2.0, Vector3d::UnitZ());  // its outside is +x
+  Direct direct(100.0, 0.0, mapping, {placed(Plane{}), side});
+  (void)direct.render(at({0.01, 0.01, 0.0}));
+  const auto out = direct.render(at({-0.003, -0.002, 0.0}));
+  EXPECT_LT((out.force_n - Vector3d(0.3, 0.2, 0.0)).norm(), 1e-9);
+}
+
+TEST(RemoteVirtualCoupling, IsASpringDamperToTheNewestProxy) {
+  haptic::RemoteVirtualCoupling law(200.0, 0.5);
+  RenderInput input = at({0.0, -0.004, 0.0}, {0.1, -0.2, 0.0});
+  input.proxy.valid = true;
+  input.proxy.position_m = {0.001, 0.0, 0.0};
+  input.proxy.velocity_m_s = {0.1, 0.0, 0.0};
+  const auto out = law.render(input);
+  EXPECT_LT((out.force_n - Vector3d(0.2, 0.8 + 0.1, 0.0)).norm(), 1e-12);
+  EXPECT_EQ(out.proxy_position_m, input.proxy.position_m);
+}
+
+TEST(RemoteVirtualCoupling, HasNoDragWhileTheProxyFollows) {
+  haptic::RemoteVirtualCoupling law(200.0, 5.0);
+  RenderInput input = at({0.01, 0.0, 0.0}, {0.3, 0.0, 0.0});
+  input.proxy.valid = true;
+  input.proxy.position_m = input.position_m;
+  input.proxy.velocity_m_s = input.velocity_m_s;
+  EXPECT_EQ(law.render(input).force_n.norm(), 0.0);
+}
+
+TEST(RemoteVirtualCoupling, IsZeroBeforePhysicsHasAnswered) {
+  haptic::RemoteVirtualCoupling law(200.0, 0.5);
+  EXPECT_EQ(law.render(at({0.01, 0.0, 0.0})).force_n.norm(), 0.0);
+}
+
+TEST(Renderers, AreFoundByTheirName) {
+  for (const auto& row : haptic::registered_renderers()) {
+    const Mapping mapping{MappingConfig{}};
+    const auto renderer = row.make({100.0, 1.0, mapping, {placed(Plane{})}});
+    EXPECT_EQ(renderer->name(), row.name);
+    EXPECT_EQ(renderer->needs_physics(), row.needs_physics);
+    EXPECT_EQ(haptic::find_renderer(row.name), &row);
+  }
+  EXPECT_EQ(haptic::find_renderer("telekinesis"), nullptr);
+}
+
+}  // namespace

@@ -1,0 +1,66 @@
+// The `rtbus` tool: one program, one command per file.
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <iostream>
+#include <utility>
+#include <vector>
+
+#include "tools/command.hpp"
+#include "tools/interrupt.hpp"
+
+namespace {
+
+struct Entry {
+  const char* name;
+  const char* description;
+  tools::Action (*add)(CLI::App&);
+};
+
+constexpr Entry kCommands[] = {
+    {"run", "Start and supervise the nodes of a session file", &tools::add_run},
+    {"list", "Sessions and their topics", &tools::add_list},
+    {"echo", "Print the samples of a topic", &tools::add_echo},
+    {"hz", "Rate and jitter of a topic", &tools::add_hz},
+    {"top", "Live monitor of a session", &tools::add_top},
+    {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
+    {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},
+    {"evaluate", "Run an experiment and check its figures", &tools::add_evaluate},
+};
+
+constexpr const char* kFooter =
+    "\nA first look:\n"
+    "  rtbus doctor                              is this machine fit for 1 kHz?\n"
+    "  rtbus run config/wall.yaml --duration 20  a simulated hand falls on a wall\n"
+    "  rtbus top                                 (in another terminal) watch it\n"
+    "  rtbus echo loop_stats                     look into one topic\n"
+    "Each command explains itself with --help. Exit status: 0 fine, 1 failed, 2 usage or configuration.";
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"rtbus: force feedback in two processes, joined by shared memory", "rtbus"};
+  app.set_version_flag("--version", "rtbus " RTBUS_VERSION);
+  app.require_subcommand(1);
+  app.footer(kFooter);
+  std::vector<std::pair<CLI::App*, tools::Action>> actions;
+  for (const Entry& entry : kCommands) {
+    CLI::App* const command = app.add_subcommand(entry.name, entry.description);
+    actions.emplace_back(command, entry.add(*command));
+  }
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    // --help and --version end here too, with status 0.
+    return app.exit(error) == 0 ? tools::kExitFine : tools::kExitUsage;
+  }
+  tools::catch_interrupts();
+  try {
+    for (const auto& [command, action] : actions) {
+      if (command->parsed()) return action();
+    }
+  } catch (const std::exception& error) {
+    std::cerr << "rtbus: " << error.what() << '\n';
+    return tools::kExitFailed;
+  }
+  return tools::kExitUsage;
+}
