@@ -60,7 +60,7 @@ using HandMotion = std::variant<NoHand, HoldMotion, PushMotion, SinusoidMotion, 
 
 /// A button goes down or up.
 struct ButtonEvent {
-  double time_s = 0.0;  ///< Since the script began.
+  double time_s = 0.0;       ///< Since the script began.
   std::uint32_t button = 0;  ///< Bit number, 0…31.
   bool pressed = false;
 };

@@ -64,7 +64,8 @@ WaypointPath parse_waypoints(Map& map) {
   if (!points) map.fail("file", "cannot be used: " + points.error());
   constexpr double kSamePointM = 1e-6;
   if (loop && (points->front().position_m - points->back().position_m).norm() > kSamePointM) {
-    map.fail("loop", "needs a motion that ends where it begins: make the last point of " + file + " equal to the first");
+    map.fail("loop",
+             "needs a motion that ends where it begins: make the last point of " + file + " equal to the first");
   }
   return {std::move(*points), smooth ? Interpolation::kSmooth : Interpolation::kLinear, loop};
 }

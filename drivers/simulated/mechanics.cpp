@@ -179,7 +179,8 @@ Eigen::Vector3d Mechanics::position_at(std::uint64_t time_ns) const noexcept RTB
   const std::uint64_t newest = back_ns / parameters_.step_ns;
   const std::uint64_t kept = std::min<std::uint64_t>(steps_, kHistory - 1);
   if (newest >= kept) return history_m_[(steps_ - kept) % kHistory];
-  const double u = static_cast<double>(back_ns - newest * parameters_.step_ns) / static_cast<double>(parameters_.step_ns);
+  const double u =
+      static_cast<double>(back_ns - newest * parameters_.step_ns) / static_cast<double>(parameters_.step_ns);
   const Eigen::Vector3d& later = history_m_[(steps_ - newest) % kHistory];
   const Eigen::Vector3d& earlier = history_m_[(steps_ - newest - 1) % kHistory];
   return later + u * (earlier - later);

@@ -1,7 +1,7 @@
 #pragma once
 /// @file mechanics.hpp
-/// The mechanics of a simulated device: a point mass at the tip with friction, gravity, a force actuator, encoders, and a
-/// hand that may hold it. Frame D, SI units, time in integer nanoseconds.
+/// The mechanics of a simulated device: a point mass at the tip with friction, gravity, a force actuator, encoders, and
+/// a hand that may hold it. Frame D, SI units, time in integer nanoseconds.
 ///
 /// One step of h seconds, v the velocity, p the momentum that everything but friction would leave:
 ///
@@ -10,9 +10,9 @@
 ///     otherwise:    v' = (1 − h f_c/|p|) v*     (and opposes the motion: isotropic, in impulse form)
 ///     x' = x + h v'
 ///
-/// Semi-implicit Euler: viscosity and the hand's spring-damper (K_h, B_h, taken at the step's end x_h, v_h) are implicit,
-/// so no hand is too stiff for the step; the price is an extra damping of about h K_h/2, under 1 % of the presets'. A
-/// spring force beyond the hand's limit acts as a constant force of that size instead. First order in h.
+/// Semi-implicit Euler: viscosity and the hand's spring-damper (K_h, B_h, taken at the step's end x_h, v_h) are
+/// implicit, so no hand is too stiff for the step; the price is an extra damping of about h K_h/2, under 1 % of the
+/// presets'. A spring force beyond the hand's limit acts as a constant force of that size instead. First order in h.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -25,17 +25,17 @@
 namespace drivers::simulated {
 
 struct MechanicsParameters {
-  double mass_kg = 0.041;                                      ///< Apparent mass at the tip.
-  double viscous_n_s_per_m = 0.05;                             ///< b.
-  double coulomb_n = 0.06;                                     ///< f_c: a smaller force moves nothing at rest.
-  Eigen::Vector3d gravity_m_s2 = Eigen::Vector3d(0, -9.81, 0); ///< Acts on mass_kg; zero for a balanced arm.
-  double max_force_n = 7.9;                                    ///< The actuator saturates here (norm; direction kept).
-  double force_step_n = 0.0;                                   ///< Resolution of the actuator per axis; 0: none.
-  double position_quantum_m = 0.0;                             ///< Encoder step per axis; 0: none.
-  std::uint64_t sample_jitter_ns = 0;                          ///< measure() looks back 0…this, uniformly. At most 1 ms.
+  double mass_kg = 0.041;                                       ///< Apparent mass at the tip.
+  double viscous_n_s_per_m = 0.05;                              ///< b.
+  double coulomb_n = 0.06;                                      ///< f_c: a smaller force moves nothing at rest.
+  Eigen::Vector3d gravity_m_s2 = Eigen::Vector3d(0, -9.81, 0);  ///< Acts on mass_kg; zero for a balanced arm.
+  double max_force_n = 7.9;                                     ///< The actuator saturates here (norm; direction kept).
+  double force_step_n = 0.0;                                    ///< Resolution of the actuator per axis; 0: none.
+  double position_quantum_m = 0.0;                              ///< Encoder step per axis; 0: none.
+  std::uint64_t sample_jitter_ns = 0;  ///< measure() looks back 0…this, uniformly. At most 1 ms.
   std::uint64_t jitter_seed = 1;
-  std::uint64_t step_ns = 100'000;                             ///< h, 10…500 µs.
-  bool end_stops = true;                                       ///< The workspace's faces stop the tip, inelastically.
+  std::uint64_t step_ns = 100'000;  ///< h, 10…500 µs.
+  bool end_stops = true;            ///< The workspace's faces stop the tip, inelastically.
   Eigen::Vector3d workspace_min_m = Eigen::Vector3d::Constant(-0.06);
   Eigen::Vector3d workspace_max_m = Eigen::Vector3d::Constant(0.06);
   Eigen::Vector3d start_position_m = Eigen::Vector3d::Zero();
@@ -61,8 +61,8 @@ class Mechanics {
   /// The hand's script begins (again) at `now_ns`.
   void begin_script(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
-  /// Lets the time up to `now_ns` pass with the force held: as many whole steps as fit; the rest waits for the next call,
-  /// so that calls in any pieces give the same states bit by bit. A time before the present one changes nothing.
+  /// Lets the time up to `now_ns` pass with the force held: as many whole steps as fit; the rest waits for the next
+  /// call, so that calls in any pieces give the same states bit by bit. A time before the present one changes nothing.
   void advance_to(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
   /// The actuator's force from the present step on, until `expires_ns`, when it goes to zero by itself (within a step).
@@ -127,7 +127,7 @@ class Mechanics {
   std::uint64_t skipped_ns_ = 0;
   std::uint64_t random_state_ = 0;
   std::array<Eigen::Vector3d, kHistory> history_m_;  ///< Positions at the ends of the last steps.
-  std::uint64_t steps_ = 0;                          ///< Since reset() or place(): the newest is history_m_[steps_ % kHistory].
+  std::uint64_t steps_ = 0;  ///< Since reset() or place(): the newest is history_m_[steps_ % kHistory].
 };
 
 }  // namespace drivers::simulated

@@ -36,9 +36,10 @@ rtbus::Result<void, DeviceFault> PlantLink::start(std::uint64_t) {
     if (now_ns > give_up_ns) break;
     rtbus::sleep_until(now_ns + rtbus::kNsPerMs);
   }
-  std::string message = states_.topic() + " stays silent: `process: own` needs a running plant; start `simulated_plant "
-                        "--config SESSION.yaml --node " + context_.node_name +
-                        "` (`rtbus run` does it by itself), or set `process: node`";
+  std::string message = states_.topic() +
+                        " stays silent: `process: own` needs a running plant; start `simulated_plant "
+                        "--config SESSION.yaml --node " +
+                        context_.node_name + "` (`rtbus run` does it by itself), or set `process: node`";
   // NotFound only says that the plant does not run; anything else deserves its own words.
   if (!states_.attached() && states_.last_error() != rtbus::TopicError::kNotFound) {
     message += std::string(" (") + rtbus::to_string(states_.last_error()) + ")";

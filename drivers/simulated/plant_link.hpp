@@ -55,8 +55,8 @@ class PlantLink final : public Device {
   rtbus::Subscription<rtbus::PlantState> states_;
   std::optional<rtbus::Writer<rtbus::PlantCommand>> commands_;
   rtbus::Stamped<rtbus::PlantState> newest_;
-  bool unread_ = false;       ///< newest_ came in by fetch() and was not handed out by read() yet.
-  bool have_state_ = false;   ///< Something came since start().
+  bool unread_ = false;      ///< newest_ came in by fetch() and was not handed out by read() yet.
+  bool have_state_ = false;  ///< Something came since start().
   std::uint64_t next_sample_ns_ = 0;
   std::uint64_t clamped_ = 0;
 };

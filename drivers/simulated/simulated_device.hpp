@@ -18,8 +18,8 @@ class SimulatedDevice final : public Device {
 
   [[nodiscard]] const DeviceInfo& info() const noexcept override { return info_; }
   [[nodiscard]] rtbus::Result<void, DeviceFault> start(std::uint64_t now_ns) override;
-  /// Sleeps once, to the device's next sample of `sample_rate_hz` (or to the deadline). A caller that comes late gets the
-  /// sample that is due at once; the ones in between are lost, as in a device that keeps only its newest.
+  /// Sleeps once, to the device's next sample of `sample_rate_hz` (or to the deadline). A caller that comes late gets
+  /// the sample that is due at once; the ones in between are lost, as in a device that keeps only its newest.
   [[nodiscard]] IoStatus wait_sample(std::uint64_t deadline_ns) noexcept override;
   [[nodiscard]] IoStatus read(std::uint64_t now_ns, DeviceSample& out) noexcept RTBUS_NONBLOCKING override;
   [[nodiscard]] IoStatus write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING override;

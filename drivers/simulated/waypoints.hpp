@@ -13,15 +13,15 @@ namespace drivers::simulated {
 
 /// One row of the table.
 struct Waypoint {
-  double time_s = 0.0;                                    ///< Since the script began.
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();   ///< In D.
+  double time_s = 0.0;                                   ///< Since the script began.
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< In D.
 };
 
 /// How to get from one point to the next.
 enum class Interpolation : unsigned char {
   kLinear,  ///< Straight, with a jump of velocity at each point.
-  kSmooth,  ///< Cubic Hermite; the velocity at a point is the slope between its neighbours (Catmull & Rom 1974), zero at
-            ///< both ends. With unequal spacing the curve may overshoot a little between points.
+  kSmooth,  ///< Cubic Hermite; the velocity at a point is the slope between its neighbours (Catmull & Rom 1974), zero
+            ///< at both ends. With unequal spacing the curve may overshoot a little between points.
 };
 
 /// The whole table. Before the first point the motion rests there; after the last it rests there, or begins anew.

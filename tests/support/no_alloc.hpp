@@ -34,19 +34,19 @@ class AllocationTrap {
 }  // namespace tests
 
 extern "C" {
-void* malloc(std::size_t bytes) {
+void* malloc(std::size_t bytes) noexcept {
   if (tests::g_counting) ++tests::g_allocations;
   return __libc_malloc(bytes);
 }
-void* calloc(std::size_t count, std::size_t bytes) {
+void* calloc(std::size_t count, std::size_t bytes) noexcept {
   if (tests::g_counting) ++tests::g_allocations;
   return __libc_calloc(count, bytes);
 }
-void* realloc(void* block, std::size_t bytes) {
+void* realloc(void* block, std::size_t bytes) noexcept {
   if (tests::g_counting) ++tests::g_allocations;
   return __libc_realloc(block, bytes);
 }
-void free(void* block) {
+void free(void* block) noexcept {
   if (tests::g_counting && block != nullptr) ++tests::g_allocations;
   __libc_free(block);
 }

@@ -31,6 +31,8 @@ class TemporaryFolder {
   std::string write(const std::string& name, std::string_view text) const {
     const std::filesystem::path file = path_ / name;
     std::filesystem::create_directories(file.parent_path());
+    // A new file each time: some file systems wait for the disk when an old one is cut short and written again.
+    std::filesystem::remove(file);
     std::ofstream(file, std::ios::binary) << text;
     return file.string();
   }

@@ -5,6 +5,7 @@
 #include <yaml-cpp/parser.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -225,6 +226,9 @@ Entry* Node::find(std::string_view key) {
 
 Node parse_yaml(std::string_view text, const std::string& source) {
   check_text(text, source);
+  // yaml-cpp takes the end of the input for the missing quote when white space stands before it.
+  const std::size_t last = text.find_last_not_of(" \t\r\n");
+  text = text.substr(0, last == std::string_view::npos ? 0 : last + 1);
   try {
     std::istringstream stream{std::string(text)};
     YAML::Parser parser(stream);
@@ -269,12 +273,14 @@ Node read_yaml_file(const std::string& path, const std::string& source) {
   if (!stream) {
     throw Error(source + ": cannot be opened: " + std::strerror(errno));
   }
-  // One byte more than allowed tells "too large" without trusting the size that the folder names.
-  std::string text(kMaxFileBytes + 1, '\0');
-  stream.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(stream.gcount()));
-  if (text.size() > kMaxFileBytes) {
-    throw Error(source + ": is larger than 1 MiB; is this the right file?");
+  // Counted while reading: the size that the folder names may have changed since.
+  std::string text;
+  std::array<char, 16384> piece{};
+  while (stream.read(piece.data(), piece.size()), stream.gcount() > 0) {
+    text.append(piece.data(), static_cast<std::size_t>(stream.gcount()));
+    if (text.size() > kMaxFileBytes) {
+      throw Error(source + ": is larger than 1 MiB; is this the right file?");
+    }
   }
   return parse_yaml(text, source);
 }

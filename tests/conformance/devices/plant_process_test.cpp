@@ -21,7 +21,8 @@ using Arguments = std::vector<std::string>;
 using rtbus::kNsPerMs;
 using rtbus::kNsPerS;
 
-constexpr const char* kDevice = "{schema: device/1, driver: simulated, process: own, hand: {type: hold, position_m: [0, 0, 0]}}";
+constexpr const char* kDevice =
+    "{schema: device/1, driver: simulated, process: own, hand: {type: hold, position_m: [0, 0, 0]}}";
 constexpr std::uint64_t kForceTimeoutNs = 20 * kNsPerMs;
 
 // Calls `attempt` once a millisecond until it is true. The bound only keeps a broken build from hanging.
@@ -153,9 +154,10 @@ TEST(SimulatedPlant, CommandLineIsChecked) {
   EXPECT_EQ(PlantProcess(Arguments{"--config"}).end(0), 2);
   EXPECT_EQ(PlantProcess(Arguments{"--config", session.path(), "--node", "haptic7"}).end(0), 2);
   EXPECT_EQ(PlantProcess(Arguments{"--config", "/nonexistent.yaml", "--node", "haptic0"}).end(0), 2);
-  EXPECT_EQ(PlantProcess(Arguments{"--config", session.path(), "--node", "haptic0", "--set", "haptic.0.device.process=node"})
-                .end(0),
-            1);
+  EXPECT_EQ(
+      PlantProcess(Arguments{"--config", session.path(), "--node", "haptic0", "--set", "haptic.0.device.process=node"})
+          .end(0),
+      1);
 }
 
 }  // namespace

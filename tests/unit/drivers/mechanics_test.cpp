@@ -64,8 +64,7 @@ double oscillator_error_m(std::uint64_t step_ns) {
   const double m = p.mass_kg + z.mass_kg;
   const double decay = (0.2 + 0.8) / (2.0 * m);
   const double omega = std::sqrt(300.0 / m - decay * decay);
-  const double exact =
-      0.01 * std::exp(-decay * 0.1) * (std::cos(omega * 0.1) + decay / omega * std::sin(omega * 0.1));
+  const double exact = 0.01 * std::exp(-decay * 0.1) * (std::cos(omega * 0.1) + decay / omega * std::sin(omega * 0.1));
   return std::abs(tip.position_m().x() - exact);
 }
 

@@ -26,9 +26,9 @@ SimulatedSettings settings_of(const std::string& file, const std::vector<rtbus::
 }
 
 struct Drop {
-  double settled_s;     // from the release to the last time the position leaves ±0.2 mm about its final mean
-  double rest_m;        // that mean, over the last second
-  bool bounced = false; // it left the wall again after the first contact
+  double settled_s;      // from the release to the last time the position leaves ±0.2 mm about its final mean
+  double rest_m;         // that mean, over the last second
+  bool bounced = false;  // it left the wall again after the first contact
 };
 
 // He & Choi (2013), Fig. 8: 20 mm fall onto a wall of 200 N/m and 0.02 N·s/m rendered at 1 kHz with a hold.
@@ -53,8 +53,8 @@ Drop drop(const SimulatedSettings& settings) {
     y_m.push_back(y);
   }
   out.rest_m = std::accumulate(y_m.end() - 1000, y_m.end(), 0.0) / 1000.0;
-  const auto outside = std::find_if(y_m.rbegin(), y_m.rend(),
-                                    [&](double y) { return std::abs(y - out.rest_m) > 0.2e-3; });
+  const auto outside =
+      std::find_if(y_m.rbegin(), y_m.rend(), [&](double y) { return std::abs(y - out.rest_m) > 0.2e-3; });
   out.settled_s = 1e-3 * static_cast<double>(y_m.rend() - outside) - kReleaseS;
   return out;
 }

@@ -35,8 +35,7 @@ std::string refusal(const std::string& text) {
   return points ? "accepted" : points.error();
 }
 
-const std::vector<Waypoint> kTriangle{
-    {0.5, {0, 0, 0}}, {1.0, {0.01, 0, 0}}, {2.0, {0.01, 0.02, 0}}, {2.5, {0, 0, 0}}};
+const std::vector<Waypoint> kTriangle{{0.5, {0, 0, 0}}, {1.0, {0.01, 0, 0}}, {2.0, {0.01, 0.02, 0}}, {2.5, {0, 0, 0}}};
 
 Vector3d position(const WaypointPath& path, double time_s) {
   Vector3d p;

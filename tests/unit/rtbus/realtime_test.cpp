@@ -52,13 +52,15 @@ TEST(Realtime, WithoutPrivilegesItStillRunsAndNamesTheRemedies) {
     ::setrlimit(RLIMIT_MEMLOCK, &none);
     if (::geteuid() == 0 && (::setresgid(65534, 65534, 65534) != 0 || ::setresuid(65534, 65534, 65534) != 0)) return 1;
     const RealtimeGrant grant = enter_realtime({});
-    if (grant.fifo || grant.memory_locked || grant.priority != 0) return 2;
+    if (grant.fifo || grant.priority != 0) return 2;
     std::string all;
     for (const std::string& warning : grant.warnings) all += warning + "\n";
     if (all.find("@realtime - rtprio 98") == std::string::npos) return 3;
-    if (all.find("memlock") == std::string::npos) return 4;
-    if (all.find("setcap") == std::string::npos) return 5;
-    if (grant.summary().find("SCHED_OTHER") != 0) return 6;
+    if (all.find("setcap") == std::string::npos) return 4;
+    if (grant.summary().find("SCHED_OTHER") != 0) return 5;
+#ifndef RTBUS_SANITIZED  // sanitizers turn mlockall into a success that does nothing
+    if (grant.memory_locked || all.find("memlock") == std::string::npos) return 6;
+#endif
     return 0;
   });
   EXPECT_EQ(outcome, 0);

@@ -1,0 +1,159 @@
+/// Whole sessions under the simulated clock: loop, ladder, physics and device as the nodes run them.
+#include "tools/harness/harness.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace {
+
+using rtbus::Telemetry;
+using rtbus::config::Override;
+using tools::Harness;
+using tools::HarnessOptions;
+
+rtbus::config::SessionConfig session(const std::string& file, const std::vector<std::string>& assignments = {}) {
+  std::vector<Override> overrides;
+  for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
+  return rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/" + file, overrides);
+}
+
+std::vector<Telemetry> record(const std::string& file, double duration_s, const std::vector<std::string>& assignments = {},
+                              const HarnessOptions& options = {}) {
+  auto settings = session(file, assignments);
+  Harness harness(settings, options);
+  std::vector<Telemetry> ticks;
+  harness.run(duration_s, [&](const Telemetry& tick) { ticks.push_back(tick); });
+  return ticks;
+}
+
+double norm(const rtbus::Vec3& v) { return std::hypot(v[0], v[1], v[2]); }
+
+TEST(Harness, GivesTwoBitIdenticalRuns) {
+  for (const char* file : {"wall.yaml", "drop.yaml", "sphere.yaml"}) {
+    std::uint64_t hash[2] = {};
+    for (std::uint64_t& each : hash) {
+      auto settings = session(file);
+      Harness harness(settings, {});
+      harness.run(3.0, {});
+      each = harness.hash();
+    }
+    EXPECT_EQ(hash[0], hash[1]) << file;
+  }
+}
+
+TEST(Harness, SeesAnyChangeOfAGain) {
+  std::uint64_t hash[2] = {};
+  for (int i = 0; i < 2; ++i) {
+    auto settings = session("wall.yaml", {"haptic.0.coupling.stiffness_n_per_m=" + std::string(i == 0 ? "200" : "200.0001")});
+    Harness harness(settings, {});
+    harness.run(3.0, {});
+    hash[i] = harness.hash();
+  }
+  EXPECT_NE(hash[0], hash[1]);
+}
+
+TEST(Harness, GivesTheSameRunInOnePieceOrInMany) {
+  auto first = session("wall.yaml");
+  Harness whole(first, {});
+  whole.run(2.0, {});
+  auto second = session("wall.yaml");
+  Harness pieces(second, {});
+  for (int i = 0; i < 20; ++i) pieces.run(0.1, {});
+  EXPECT_EQ(whole.hash(), pieces.hash());
+}
+
+// Paper, Fig. 8: direct rendering, K = 200 N/m, B = 0.02 N·s/m, from 20 mm: bounces about 0.7 s, rests near −2 mm.
+TEST(Drop, SettlesAsPublishedWithDirectRendering) {
+  const double release_s = 1.0;
+  const auto ticks = record("drop.yaml", 5.0);
+  double rest_m = 0.0;
+  for (std::size_t i = ticks.size() - 500; i < ticks.size(); ++i) rest_m += ticks[i].position_m[1] / 500.0;
+  double settled_s = 0.0;
+  for (std::size_t i = 0; i < ticks.size(); ++i) {
+    if (std::abs(ticks[i].position_m[1] - rest_m) > 0.2e-3) settled_s = static_cast<double>(i + 1) * 1e-3 - release_s;
+  }
+  EXPECT_NEAR(settled_s, 0.70, 0.15 * 0.70);
+  // Weight over stiffness, give or take what friction holds: 0.402 N/200 N/m = 2.01 mm, ±0.06 N/200 N/m = ±0.30 mm.
+  EXPECT_NEAR(rest_m, -2.01e-3, 0.30e-3 + 23e-6);
+}
+
+TEST(Wall, IsStableAndRestsWhereTheSpringBalancesTheWeight) {
+  for (const char* throttle : {"null", "100", "43", "18"}) {
+    const auto ticks = record("wall.yaml", 8.0, {std::string("physics.throttle_hz=") + throttle});
+    for (const Telemetry& tick : ticks) ASSERT_LE(norm(tick.force_n), 7.9 + 1e-9) << throttle;
+    const double rest_m = ticks.back().position_m[1];
+    EXPECT_NEAR(rest_m, -2.01e-3, 0.35e-3) << throttle << " Hz";
+    EXPECT_LT(norm(ticks.back().velocity_m_s), 1e-3) << throttle << " Hz";
+  }
+}
+
+TEST(Wall, FeelsTheSameAtEveryPositionScale) {
+  // Gains are at the device, masses in the world: a proxy that is as heavy as felt (m/s²) makes the world's scale vanish.
+  std::vector<double> peak_n;
+  for (const double scale : {0.1, 1.0, 10.0}) {
+    const auto ticks = record("wall.yaml", 5.0,
+                              {"haptic.0.mapping.position_scale=" + std::to_string(scale),
+                               "haptic.0.proxy.mass_kg=" + std::to_string(0.1 / (scale * scale))});
+    EXPECT_NEAR(ticks.back().position_m[1], -2.01e-3, 0.35e-3) << scale;
+    peak_n.push_back(0.0);
+    for (const Telemetry& tick : ticks) peak_n.back() = std::max(peak_n.back(), norm(tick.force_n));
+  }
+  EXPECT_NEAR(peak_n[0], peak_n[1], 1e-6);
+  EXPECT_NEAR(peak_n[2], peak_n[1], 1e-6);
+}
+
+TEST(Loss, FadesWithin100MsAndComesBackSlowly) {
+  HarnessOptions options;
+  options.physics_dies_s = 4.0;
+  options.physics_returns_s = 6.0;
+  const auto ticks = record("wall.yaml", 8.0, {}, options);
+  std::size_t declared = 0;
+  double last_n = 0.0;
+  for (std::size_t i = 3999; i < ticks.size(); ++i) {
+    const double t = static_cast<double>(i + 1) * 1e-3;
+    if (declared == 0 && t < 6.0 && (ticks[i].safety & haptic::kStale) != 0) declared = i;
+    const double force_n = norm(ticks[i].force_n);
+    if (t > 4.1 && t < 6.0) {
+      ASSERT_EQ(force_n, 0.0) << t << " s";
+    }
+    // Back: the tip has sunk by then and the spring holds all it can, 7.9 N; the 100 ms ramp gives 0.08 N per tick of it,
+    // and what the gate has opened follows the spring itself.
+    if (t >= 6.0) {
+      ASSERT_LT(force_n - last_n, 0.15) << t << " s";
+    }
+    last_n = force_n;
+  }
+  ASSERT_GT(declared, 0u);
+  const double declared_s = static_cast<double>(declared + 1) * 1e-3 - 4.0;
+  EXPECT_GT(declared_s, 0.034);
+  EXPECT_LE(declared_s, 0.060);
+  EXPECT_EQ(norm(ticks[declared + 40].force_n), 0.0);
+  EXPECT_NEAR(ticks.back().force_n[1], 0.402, 0.07) << "the tip rests on the wall again";
+}
+
+TEST(Clutch, MovesTheHandWithoutMovingTheToolAndReturnsWithoutAKick) {
+  // Button 0 is pressed from 1.0 to 2.0 s while the hand goes on with its sinusoid.
+  const std::string device =
+      "{schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: sinusoid, centre_m: [0, 0.02, 0], "
+      "amplitude_m: [0.02, 0, 0], frequency_hz: 0.7, buttons: [{time_s: 1.0, button: 0, pressed: true}, "
+      "{time_s: 2.0, button: 0, pressed: false}]}}";
+  auto settings = session("wall.yaml", {"haptic.0.device=" + device, "haptic.0.mapping.clutch_button=0"});
+  Harness harness(settings, {});
+  rtbus::Vec3 held{};
+  std::uint32_t epoch = 0;
+  harness.run(1.5, {});
+  held = harness.device_state().target_position_m;
+  epoch = harness.device_state().mapping_epoch;
+  EXPECT_EQ(harness.device_state().enabled, 0u);
+  harness.run(0.499, [&](const Telemetry& tick) { EXPECT_EQ(norm(tick.force_n), 0.0); });
+  EXPECT_EQ(harness.device_state().target_position_m, held) << "the tool waits";
+  harness.run(0.010, [&](const Telemetry& tick) { EXPECT_LT(norm(tick.force_n), 0.05); });
+  EXPECT_EQ(harness.device_state().mapping_epoch, epoch + 1);
+  EXPECT_NEAR(harness.device_state().target_position_m[0], held[0], 2e-3) << "and goes on from where it was";
+  harness.run(1.0, [&](const Telemetry& tick) { EXPECT_LT(norm(tick.force_n), 0.5) << "no spring was stretched"; });
+}
+
+}  // namespace

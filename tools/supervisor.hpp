@@ -1,0 +1,94 @@
+#pragma once
+/// @file supervisor.hpp
+/// The child processes of `rtbus run`: started with a leash, watched, and ended in a fixed order.
+///
+/// A child gets SIGTERM from the kernel when the supervisor dies, however that happens, and a process group of its own, so
+/// that Ctrl-C in the terminal reaches only the supervisor, which then ends the children one stage after the other.
+#include <sys/types.h>
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtbus/result.hpp"
+
+namespace tools {
+
+/// Children are ended in this order: the force goes to zero first, and the plant feels it.
+enum class Stage : std::uint8_t { kHaptic, kPhysics, kPlant };
+
+struct ChildSpec {
+  std::string name;                    ///< For people: "haptic0", "physics", "haptic0 plant".
+  Stage stage = Stage::kHaptic;
+  std::string program;                 ///< Path of the binary.
+  std::vector<std::string> arguments;  ///< Without the program's name.
+};
+
+/// How a child ended.
+struct ChildEnd {
+  std::string name;
+  pid_t pid = 0;
+  int wait_status = 0;                 ///< As waitpid() gives it.
+  bool killed = false;                 ///< It did not end in time and got SIGKILL from us.
+  std::vector<std::string> last_words; ///< The last lines it wrote.
+
+  /// "ended with status 1", "was killed by signal 9 (Killed)".
+  [[nodiscard]] std::string how() const;
+};
+
+/// What was running, for questions to the kernel.
+struct ChildView {
+  std::string name;
+  pid_t pid = 0;
+};
+
+/// One thread: the one that starts a child must live as long as the child, for the leash is tied to it.
+class Supervisor {
+ public:
+  /// How long a child may take from SIGTERM to its end.
+  static constexpr double kPatience_s = 2.0;
+
+  /// @param on_line Called for each line that a child writes to stdout or stderr, from within the calls below.
+  using OnLine = std::function<void(const std::string& child, std::string_view line)>;
+  explicit Supervisor(OnLine on_line) : on_line_(std::move(on_line)) {}
+  ~Supervisor() { end_all(); }
+  Supervisor(const Supervisor&) = delete;
+  Supervisor& operator=(const Supervisor&) = delete;
+
+  /// Starts a child. The error is one sentence.
+  [[nodiscard]] rtbus::Result<void, std::string> start(const ChildSpec& spec);
+
+  /// Passes on what the children wrote and looks whether one has ended by itself. Call it every 20 ms or so.
+  /// @returns the first that ended; the others go on. A restart policy would act on it.
+  [[nodiscard]] std::optional<ChildEnd> poll();
+
+  /// Ends all that still run: SIGTERM stage by stage, SIGKILL after kPatience_s. @returns those that did not end well:
+  /// killed, or with a status other than zero.
+  std::vector<ChildEnd> end_all();
+
+  [[nodiscard]] std::vector<ChildView> running() const;
+
+ private:
+  struct Child {
+    std::string name;
+    Stage stage;
+    pid_t pid;
+    int output_fd;
+    std::string partial_line;
+    std::vector<std::string> last_words;
+  };
+  void pump(Child& child);
+  void take_line(Child& child, std::string line);
+  [[nodiscard]] std::optional<ChildEnd> reap(Child& child);
+
+  OnLine on_line_;
+  std::vector<Child> children_;
+};
+
+/// The folder of this program, where its sisters lie (/proc/self/exe).
+[[nodiscard]] std::string folder_of_this_program();
+
+}  // namespace tools

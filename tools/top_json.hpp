@@ -1,0 +1,12 @@
+#pragma once
+/// @file top_json.hpp
+/// The snapshot of `rtbus top --once --json`, schema rtbus-top/1. Names and units as in the run report (rtbus-report/1).
+#include <nlohmann/json.hpp>
+
+#include "tools/top_view.hpp"
+
+namespace tools {
+
+[[nodiscard]] nlohmann::ordered_json top_json(const TopSnapshot& snapshot);
+
+}  // namespace tools
