@@ -5,7 +5,8 @@
 namespace rtbus {
 
 EventLog::EventLog(std::size_t capacity)
-    : mask_(std::bit_ceil(capacity < 2 ? std::size_t{2} : capacity) - 1), cells_(std::make_unique<Event[]>(mask_ + 1)) {}
+    : mask_(std::bit_ceil(capacity < 2 ? std::size_t{2} : capacity) - 1),
+      cells_(std::make_unique<Event[]>(mask_ + 1)) {}
 
 std::size_t EventLog::drain(const std::function<void(const Event&)>& sink) {
   const std::uint64_t head = head_.load(std::memory_order_acquire);

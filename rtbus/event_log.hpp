@@ -14,9 +14,9 @@ namespace rtbus {
 
 /// One thing that happened. The node defines its codes and turns them into sentences when it drains.
 struct Event {
-  std::uint64_t stamp_ns = 0;     ///< CLOCK_MONOTONIC.
-  std::int32_t code = 0;          ///< An enumerator of the node.
-  std::array<double, 3> values{}; ///< Up to three figures; what they are depends on the code.
+  std::uint64_t stamp_ns = 0;      ///< CLOCK_MONOTONIC.
+  std::int32_t code = 0;           ///< An enumerator of the node.
+  std::array<double, 3> values{};  ///< Up to three figures; what they are depends on the code.
 };
 
 /// Single producer, single consumer. When it is full the newest event is dropped and counted: the producer never waits.

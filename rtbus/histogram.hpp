@@ -1,6 +1,7 @@
 #pragma once
 /// @file histogram.hpp
-/// Latencies counted in fixed memory: log-linear bins of at most 1/64 relative width, so a percentile is right to 1.6 %.
+/// Latencies counted in fixed memory: log-linear bins of at most 1/64 relative width, so a percentile is right to 1.6
+/// %.
 #include <array>
 #include <atomic>
 #include <bit>
@@ -52,6 +53,18 @@ class Histogram {
                         : static_cast<double>(sum_ns_.load(std::memory_order_relaxed)) / static_cast<double>(records);
   }
 
+  /// Calls visit(low_ns, high_ns, count) for each bin that holds something, in order; a bin is [low, high). Any thread.
+  template <class Visit>
+  void for_each_bin(Visit&& visit) const {
+    for (std::size_t i = 0; i < kBins; ++i) {
+      const std::uint64_t in_bin = bins_[i].load(std::memory_order_relaxed);
+      if (in_bin == 0) continue;
+      const std::size_t shift = i < 2 * kSub ? 0 : i / kSub - 1;
+      const std::uint64_t low = i < 2 * kSub ? i : (kSub + i % kSub) << shift;
+      visit(low, low + (std::uint64_t{1} << shift), in_bin);
+    }
+  }
+
   /// Forgets everything. By the recording thread only. @realtime Yes, some microseconds.
   void reset() noexcept RTBUS_NONBLOCKING {
     for (auto& bin : bins_) bin.store(0, std::memory_order_relaxed);
@@ -61,7 +74,7 @@ class Histogram {
   }
 
  private:
-  static constexpr int kSubBits = 6;                       // 64 bins per power of two
+  static constexpr int kSubBits = 6;  // 64 bins per power of two
   static constexpr std::size_t kSub = std::size_t{1} << kSubBits;
   static constexpr int kMaxBits = 36;
   static constexpr std::size_t kBins = (kMaxBits - kSubBits + 1) * kSub;

@@ -78,10 +78,11 @@ void set_fifo(const RealtimeRequest& request, RealtimeGrant& grant) {
     grant.priority = granted.sched_priority;
     return;
   }
-  grant.warnings.push_back("no SCHED_FIFO" + because(number) +
-                           ": any other process may delay the loop by milliseconds; add the line `@realtime - rtprio 98` "
-                           "to /etc/security/limits.d/realtime.conf, join the group `realtime` and log in again (check "
-                           "with ulimit -r), or run `setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
+  grant.warnings.push_back(
+      "no SCHED_FIFO" + because(number) +
+      ": any other process may delay the loop by milliseconds; add the line `@realtime - rtprio 98` "
+      "to /etc/security/limits.d/realtime.conf, join the group `realtime` and log in again (check "
+      "with ulimit -r), or run `setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
 }
 
 void lock_memory(RealtimeGrant& grant) {
@@ -89,10 +90,11 @@ void lock_memory(RealtimeGrant& grant) {
     grant.memory_locked = true;
     return;
   }
-  grant.warnings.push_back("memory not locked" + because(errno) +
-                           ": a page fault may cost the loop milliseconds; add the line `@realtime - memlock unlimited` "
-                           "to /etc/security/limits.d/realtime.conf and log in again (check with ulimit -l), or run "
-                           "`setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
+  grant.warnings.push_back(
+      "memory not locked" + because(errno) +
+      ": a page fault may cost the loop milliseconds; add the line `@realtime - memlock unlimited` "
+      "to /etc/security/limits.d/realtime.conf and log in again (check with ulimit -l), or run "
+      "`setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
 }
 
 /// The kernel honours the request for as long as the descriptor is open.

@@ -1,9 +1,9 @@
 #include "rtbus/segment.hpp"
 
+#include <sys/mman.h>
 #include <algorithm>
 #include <boost/interprocess/mapped_region.hpp>
 #include <boost/interprocess/shared_memory_object.hpp>
-#include <sys/mman.h>
 
 #include "rtbus/clock.hpp"
 #include "rtbus/detail/doorbell.hpp"
@@ -29,11 +29,15 @@ struct OpenFailure {
 
 TopicError error_of(int number) noexcept {
   switch (number) {
-    case ENOENT: return TopicError::kNotFound;
+    case ENOENT:
+      return TopicError::kNotFound;
     case EACCES:
-    case EPERM: return TopicError::kPermission;
-    case ELOOP: return TopicError::kCorrupt;  // a symbolic link: glibc's shm_open passes O_NOFOLLOW
-    default: return TopicError::kSystem;
+    case EPERM:
+      return TopicError::kPermission;
+    case ELOOP:
+      return TopicError::kCorrupt;  // a symbolic link: glibc's shm_open passes O_NOFOLLOW
+    default:
+      return TopicError::kSystem;
   }
 }
 
@@ -141,13 +145,20 @@ std::string segment_name(std::string_view session, std::string_view topic) {
 
 const char* to_string(TopicError error) noexcept {
   switch (error) {
-    case TopicError::kNotFound: return "no such topic yet; start its writer, or check session and topic name";
-    case TopicError::kAlreadyOwned: return "a live writer holds this topic; stop it, or choose another session";
-    case TopicError::kLayoutMismatch: return "version, size or type of the topic differ; rebuild both ends";
-    case TopicError::kPermission: return "the topic belongs to another user; run both ends as one user, or set bus.group";
-    case TopicError::kBadName: return "session or topic name has characters other than a-z 0-9 _ - (topics also .)";
-    case TopicError::kCorrupt: return "not a topic of this bus, or a damaged one; `rtbus clean` removes dead ones";
-    case TopicError::kSystem: return "a system call failed";
+    case TopicError::kNotFound:
+      return "no such topic yet; start its writer, or check session and topic name";
+    case TopicError::kAlreadyOwned:
+      return "a live writer holds this topic; stop it, or choose another session";
+    case TopicError::kLayoutMismatch:
+      return "version, size or type of the topic differ; rebuild both ends";
+    case TopicError::kPermission:
+      return "the topic belongs to another user; run both ends as one user, or set bus.group";
+    case TopicError::kBadName:
+      return "session or topic name has characters other than a-z 0-9 _ - (topics also .)";
+    case TopicError::kCorrupt:
+      return "not a topic of this bus, or a damaged one; `rtbus clean` removes dead ones";
+    case TopicError::kSystem:
+      return "a system call failed";
   }
   return "unknown error";
 }
@@ -202,9 +213,12 @@ Result<Segment, TopicError> Segment::create(const Session& session, std::string_
     const detail::FileId id = detail::file_id(status);
     if (!S_ISREG(status.st_mode)) return fail(TopicError::kCorrupt);
     switch (claim(impl->name, fd, id)) {
-      case Claim::kBusy: return fail(TopicError::kAlreadyOwned);
-      case Claim::kGone: continue;
-      case Claim::kMine: break;
+      case Claim::kBusy:
+        return fail(TopicError::kAlreadyOwned);
+      case Claim::kGone:
+        continue;
+      case Claim::kMine:
+        break;
     }
 
     // A dead writer's segment goes on in place when it is mine, whole, and of the same layout.
@@ -272,8 +286,8 @@ Result<Segment, TopicError> Segment::open(const Session& session, std::string_vi
   if (!trusted(status, session, trust)) return fail(TopicError::kPermission);
   if (status.st_size == 0) return fail(TopicError::kNotFound);  // its creator is not ready
   const auto bytes = static_cast<std::uint64_t>(status.st_size);
-  if (bytes < detail::kPageBytes || bytes > detail::geometry(detail::kMaxSampleBytes, detail::kMaxCapacity,
-                                                             detail::kMaxFields, true).segment_bytes) {
+  if (bytes < detail::kPageBytes ||
+      bytes > detail::geometry(detail::kMaxSampleBytes, detail::kMaxCapacity, detail::kMaxFields, true).segment_bytes) {
     return fail(TopicError::kCorrupt);
   }
   // Check on the first page before the rest is mapped and faulted in.
@@ -309,7 +323,9 @@ bool Segment::observed() const noexcept {
 }
 bool Segment::replaced() const noexcept { return !detail::leads_to(impl_->name, impl_->id); }
 std::size_t Segment::bytes() const noexcept { return impl_->where.segment_bytes; }
-std::uint32_t Segment::writer_pid() const noexcept { return impl_->header().writer_pid.load(std::memory_order_relaxed); }
+std::uint32_t Segment::writer_pid() const noexcept {
+  return impl_->header().writer_pid.load(std::memory_order_relaxed);
+}
 std::uint32_t Segment::epoch() const noexcept { return impl_->header().epoch.load(std::memory_order_acquire); }
 std::uint64_t Segment::writer_start_ns() const noexcept {
   return impl_->header().writer_start_ns.load(std::memory_order_relaxed);

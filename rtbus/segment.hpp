@@ -87,14 +87,15 @@ class Segment {
   /// Validated view of the ring; stays valid while the Segment lives, also when it is moved.
   [[nodiscard]] detail::RingView ring() const noexcept;
 
-  [[nodiscard]] bool writer_alive() const noexcept;  ///< Somebody holds the writer's lock; true on the writer's own end.
-  [[nodiscard]] bool observed() const noexcept;      ///< Another open end holds a presence lock.
-  [[nodiscard]] bool replaced() const noexcept;      ///< The name leads to another segment, or to none.
-  [[nodiscard]] std::size_t bytes() const noexcept;  ///< Size of the file.
+  [[nodiscard]] bool writer_alive()
+      const noexcept;                            ///< Somebody holds the writer's lock; true on the writer's own end.
+  [[nodiscard]] bool observed() const noexcept;  ///< Another open end holds a presence lock.
+  [[nodiscard]] bool replaced() const noexcept;  ///< The name leads to another segment, or to none.
+  [[nodiscard]] std::size_t bytes() const noexcept;         ///< Size of the file.
   [[nodiscard]] std::uint32_t writer_pid() const noexcept;  ///< As the writer wrote it: for people, not for decisions.
   [[nodiscard]] std::uint32_t epoch() const noexcept;       ///< Writers this segment has had, from 1.
   [[nodiscard]] std::uint64_t writer_start_ns() const noexcept;  ///< CLOCK_MONOTONIC when the present writer took it.
-  [[nodiscard]] uid_t owner() const noexcept;               ///< User the file belonged to when it was opened.
+  [[nodiscard]] uid_t owner() const noexcept;                    ///< User the file belonged to when it was opened.
 
   void ring_doorbell() noexcept;  ///< Writer's end: wakes sleepers; a system call only when there are any.
   /// Reader's end: sleeps until a sample after `sequence` is complete (true) or `deadline_ns` passes (false).

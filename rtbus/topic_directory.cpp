@@ -126,9 +126,13 @@ Result<RawReader, TopicError> RawReader::open(const Session& session, std::strin
 
 ReadStatus RawReader::take(detail::RingRead read) noexcept {
   switch (read) {
-    case detail::RingRead::kFresh: sample_.swap(scratch_); return ReadStatus::kFresh;
-    case detail::RingRead::kSame: return ReadStatus::kSame;
-    case detail::RingRead::kLapped: break;
+    case detail::RingRead::kFresh:
+      sample_.swap(scratch_);
+      return ReadStatus::kFresh;
+    case detail::RingRead::kSame:
+      return ReadStatus::kSame;
+    case detail::RingRead::kLapped:
+      break;
   }
   return ReadStatus::kLapped;
 }
@@ -143,13 +147,20 @@ std::uint32_t field_elements(const Segment::OwnedField& field) noexcept {
 FieldValue field_value(std::span<const std::byte> sample, const Segment::OwnedField& field, std::uint32_t index) {
   const std::uint64_t offset = std::uint64_t{field.offset} + std::uint64_t{index} * field_type_bytes(field.type);
   switch (field.type) {
-    case FieldType::kF64: return element<double>(sample, offset);
-    case FieldType::kU64: return element<std::uint64_t>(sample, offset);
-    case FieldType::kI64: return element<std::int64_t>(sample, offset);
-    case FieldType::kU32: return std::uint64_t{element<std::uint32_t>(sample, offset)};
-    case FieldType::kI32: return std::int64_t{element<std::int32_t>(sample, offset)};
-    case FieldType::kU8: return std::uint64_t{element<std::uint8_t>(sample, offset)};
-    case FieldType::kText: break;
+    case FieldType::kF64:
+      return element<double>(sample, offset);
+    case FieldType::kU64:
+      return element<std::uint64_t>(sample, offset);
+    case FieldType::kI64:
+      return element<std::int64_t>(sample, offset);
+    case FieldType::kU32:
+      return std::uint64_t{element<std::uint32_t>(sample, offset)};
+    case FieldType::kI32:
+      return std::int64_t{element<std::int32_t>(sample, offset)};
+    case FieldType::kU8:
+      return std::uint64_t{element<std::uint8_t>(sample, offset)};
+    case FieldType::kText:
+      break;
   }
   std::string text;
   for (std::uint64_t i = field.offset; i < std::uint64_t{field.offset} + field.count && i < sample.size(); ++i) {

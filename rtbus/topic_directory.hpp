@@ -38,8 +38,8 @@ struct TopicInfo {
   uid_t owner = 0;                  ///< Likewise.
 };
 
-/// All topics, or those of one session, sorted by session and topic. Segments of other users and damaged ones are listed
-/// with their problem.
+/// All topics, or those of one session, sorted by session and topic. Segments of other users and damaged ones are
+/// listed with their problem.
 [[nodiscard]] std::vector<TopicInfo> list_topics(std::optional<std::string_view> session = std::nullopt);
 
 struct RemovedTopics {
@@ -91,8 +91,8 @@ class RawReader {
 /// One value out of a sample. Text ends at its first zero byte; what a terminal should not be sent is replaced by '?'.
 using FieldValue = std::variant<double, std::int64_t, std::uint64_t, std::string>;
 
-/// Decodes element `index` of `field` (text: the whole field, index 0). `sample` must be as long as the description says.
-/// An element that lies outside the sample reads as zero.
+/// Decodes element `index` of `field` (text: the whole field, index 0). `sample` must be as long as the description
+/// says. An element that lies outside the sample reads as zero.
 [[nodiscard]] FieldValue field_value(std::span<const std::byte> sample, const Segment::OwnedField& field,
                                      std::uint32_t index);
 
@@ -101,8 +101,9 @@ using FieldValue = std::variant<double, std::int64_t, std::uint64_t, std::string
 
 /// Calls `visit(label, unit, value)` for every element of every field in order. Labels: "gate" for a single element,
 /// "position_m[0]" for one of several.
-void visit_fields(std::span<const std::byte> sample, const Segment::Description& description,
-                  const std::function<void(const std::string& label, const std::string& unit, const FieldValue&)>& visit);
+void visit_fields(
+    std::span<const std::byte> sample, const Segment::Description& description,
+    const std::function<void(const std::string& label, const std::string& unit, const FieldValue&)>& visit);
 
 /// A value for people and CSV: shortest decimal text that reads back to the same double.
 [[nodiscard]] std::string to_text(const FieldValue& value);

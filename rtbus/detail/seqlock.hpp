@@ -1,9 +1,9 @@
 #pragma once
 /// @file seqlock.hpp
 /// The copying protocol of a topic. Private to rtbus. After H.-J. Boehm, "Can seqlocks get along with programming
-/// language memory models?", MSPC 2012: the payload moves as atomic words, so no read is a data race. Unlike the paper's
-/// versions it needs no stand-alone fence (ThreadSanitizer does not model those): every payload word is stored with
-/// release and loaded with acquire, which costs nothing on x86-64 and one stlr/ldar per word on AArch64.
+/// language memory models?", MSPC 2012: the payload moves as atomic words, so no read is a data race. Unlike the
+/// paper's versions it needs no stand-alone fence (ThreadSanitizer does not model those): every payload word is stored
+/// with release and loaded with acquire, which costs nothing on x86-64 and one stlr/ldar per word on AArch64.
 ///
 /// Sample n (from 1) lives in slot (n − 1) mod capacity. The slot's sequence word is 2n − 1 while n is being written,
 /// 2n when it is complete, so it names the sample as well as its state. `newest` is the last complete sample.
@@ -17,22 +17,24 @@
 /// Why an accepted copy is whole. Let the reader see 2n in R2 and in R4.
 ///  * No word is older than n: R2 read the value of W3, release/acquire makes W2 of sample n happen before R3, and
 ///    coherence forbids R3 to return anything earlier in that word's modification order.
-///  * No word is newer: suppose R3 read a word of sample m = n + k·capacity. That was W2 of m, a release store sequenced
+///  * No word is newer: suppose R3 read a word of sample m = n + k·capacity. That was W2 of m, a release store
+///  sequenced
 ///    after W1 of m; R3 acquires it, so W1 of m happens before R4, and by coherence R4 returns 2m − 1 or later. Not 2n.
 ///
 ///         writer   …  W1: seq=2m−1 ─┐ W2: word_0 (release) ──────┐          W2: word_1 …
-///         reader   R2: 2n ✓         └──── happens before ────┐   └→ R3: word_0 (acquire)  R3: word_1   R4: 2m−1 ✗ rejected
+///         reader   R2: 2n ✓         └──── happens before ────┐   └→ R3: word_0 (acquire)  R3: word_1   R4: 2m−1 ✗
+///         rejected
 ///                                                            └───────────────────────────────────────────┘
 ///
-///    x86-64 keeps stores in order and loads in order by itself; only the compiler has to be held. AArch64 reorders both:
-///    W2's stlr keeps W1 before the words, W3's keeps the words before 2n; R3's ldar keeps R4 after the words.
+///    x86-64 keeps stores in order and loads in order by itself; only the compiler has to be held. AArch64 reorders
+///    both: W2's stlr keeps W1 before the words, W3's keeps the words before 2n; R3's ldar keeps R4 after the words.
 ///
 /// Death and take-over. A writer that dies leaves at worst slot N + 1 half written, or complete but not announced, with
-/// `newest` = N. No reader looks at N + 1 before `newest` says so, and readers of the sample that was in that slot before
-/// see a different sequence word and reject. The next writer owns the kernel's lock, which orders its accesses after all
-/// of the dead one's, loads `newest` and writes N + 1 again from W1. Readers learn of N + 1 only from its W4, which is
-/// after its W2 and W3: the dead writer's words of the same number can no longer be seen. (Rewriting N itself would be
-/// wrong: a reader may have passed R2 of N with the dead writer's 2N and would meet the same 2N again in R4.)
+/// `newest` = N. No reader looks at N + 1 before `newest` says so, and readers of the sample that was in that slot
+/// before see a different sequence word and reject. The next writer owns the kernel's lock, which orders its accesses
+/// after all of the dead one's, loads `newest` and writes N + 1 again from W1. Readers learn of N + 1 only from its W4,
+/// which is after its W2 and W3: the dead writer's words of the same number can no longer be seen. (Rewriting N itself
+/// would be wrong: a reader may have passed R2 of N with the dead writer's 2N and would meet the same 2N again in R4.)
 /// tests/model/bus.pml checks all of this by exhaustion.
 ///
 /// Nothing found in the segment is trusted: the slot index is masked by the locally held capacity, a number above
@@ -52,7 +54,8 @@ inline constexpr int kMaxTries = 3;
 /// A number that 10 kHz reaches after 14 million years: anything above is damage, and 2n must not wrap.
 inline constexpr std::uint64_t kMaxSequence = std::uint64_t{1} << 62;
 
-/// A segment's ring, as checked on opening. The numbers are local copies: later damage in the segment cannot change them.
+/// A segment's ring, as checked on opening. The numbers are local copies: later damage in the segment cannot change
+/// them.
 struct RingView {
   SharedU64* newest = nullptr;
   std::byte* slots = nullptr;

@@ -138,7 +138,8 @@ TEST(KillSoak, NothingHangsTearsOrLeaks) {
     }
   }
   ASSERT_TRUE(killed_by_us(reader_pid));
-  std::printf("%d writers and %d readers killed in %.1f s; %" PRIu64 " samples, %d segments; longest start to heard %.1f ms\n",
+  std::printf("%d writers and %d readers killed in %.1f s; %" PRIu64
+              " samples, %d segments; longest start to heard %.1f ms\n",
               writers, readers, seconds_between(begin_ns, monotonic_ns()), highest, segments,
               1e-6 * static_cast<double>(longest_recovery_ns));
   EXPECT_GT(writers, 20);

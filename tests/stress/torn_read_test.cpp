@@ -53,8 +53,16 @@ std::uint64_t reads_wanted() {
 #endif
 }
 
-/// All of a test's reading ends by then, on however slow a machine; it says so and fails.
-constexpr std::uint64_t kTimeLimitNs = 200 * kNsPerS;
+/// All of a test's reading ends by then, on however busy a machine. A read that copies needs the writer to have run in
+/// between, so where the two share a core there are few of them.
+#ifdef RTBUS_SANITIZED
+constexpr bool kAllReadsAreDue = false;
+constexpr std::uint64_t kTimeLimitNs = 20 * kNsPerS;
+#else
+constexpr bool kAllReadsAreDue = true;
+constexpr std::uint64_t kTimeLimitNs = 220 * kNsPerS;
+#endif
+constexpr std::uint64_t kThreadsTimeLimitNs = 4 * kNsPerS;
 
 void flood(Writer<Flood>& writer, const std::atomic<bool>& stop) {
   Flood sample;
@@ -87,14 +95,19 @@ Tally read_many(Reader<Flood>& reader, bool in_order, std::uint64_t wanted, std:
   const std::uint64_t begin_ns = monotonic_ns();
   std::uint64_t idle = 0;
   for (std::uint64_t i = 0; tally.reads() < wanted; ++i) {
-    if (i % 65536 == 0 && monotonic_ns() > deadline_ns) break;
+    if (i % 4096 == 0 && monotonic_ns() > deadline_ns) break;
     if (idle == 1000) std::this_thread::yield();  // with fewer free cores than threads the writer needs this one
     idle = idle == 1000 ? 0 : idle;
     switch (in_order ? reader.read_next(got) : reader.read_latest(got)) {
       case ReadStatus::kSame:
-      case ReadStatus::kDetached: ++tally.same, ++idle; continue;
-      case ReadStatus::kLapped: ++tally.lapped; continue;
-      case ReadStatus::kFresh: break;
+      case ReadStatus::kDetached:
+        ++tally.same, ++idle;
+        continue;
+      case ReadStatus::kLapped:
+        ++tally.lapped;
+        continue;
+      case ReadStatus::kFresh:
+        break;
     }
     ++tally.fresh;
     idle = 0;
@@ -157,15 +170,18 @@ TEST_P(TwoProcesses, NeverSeeATornSample) {
   pin_to(1);
   // The default ring carries most of the reads; the smallest one has the most collisions per read.
   const std::uint64_t wanted = GetParam() == 64 ? reads_wanted() * 2 / 5 : reads_wanted() / 10;
-  const std::uint64_t deadline_ns = monotonic_ns() + kTimeLimitNs;
+  const std::uint64_t begin_ns = monotonic_ns();
   for (const bool in_order : {false, true}) {
+    const std::uint64_t deadline_ns = begin_ns + (in_order ? kTimeLimitNs : kTimeLimitNs / 2);
     auto reader = open_soon(session);
     ASSERT_TRUE(reader) << to_string(reader.error());
     const Tally tally = read_many(*reader, in_order, wanted, deadline_ns);
     tally.print(in_order ? "read_next  " : "read_latest");
     EXPECT_EQ(tally.torn, 0u);
     EXPECT_EQ(tally.backwards, 0u);
-    EXPECT_GE(tally.reads(), wanted) << "the machine is too slow for so many; set RTBUS_STRESS_READS";
+    if (kAllReadsAreDue) {
+      EXPECT_GE(tally.reads(), wanted) << "the machine is too busy for so many; set RTBUS_STRESS_READS";
+    }
     ASSERT_GT(tally.fresh, 0u);
     // A single slot starves its reader; from a ring of 64 the newest is nearly always to be had.
     if (GetParam() == 64 && !in_order) {
@@ -185,8 +201,8 @@ TEST(TwoReaderThreads, NeverSeeATornSample) {
   // Within one process, where ThreadSanitizer sees both sides.
   const Session session = stress_session();
   const std::uint64_t wanted = std::min<std::uint64_t>(reads_wanted(), 1'000'000);
-  const std::uint64_t deadline_ns = monotonic_ns() + kTimeLimitNs;
   for (const std::uint32_t capacity : {2u, 64u}) {
+    const std::uint64_t deadline_ns = monotonic_ns() + kThreadsTimeLimitNs;
     auto writer = Writer<Flood>::create(session, "flood", {.capacity = capacity});
     ASSERT_TRUE(writer);
     auto latest = Reader<Flood>::open(session, "flood");

@@ -86,9 +86,9 @@ TEST(CorruptSegment, EachDamageIsFoundOnOpening) {
 
 TEST(CorruptSegment, TextWithoutEndIsFound) {
   ScratchSession session;
-  for (const auto& [offset, bytes] : {std::pair{offsetof(SegmentHeader, type_name), 48u},
-                                      std::pair{field(offsetof(FieldRecord, name)), 40u},
-                                      std::pair{field(offsetof(FieldRecord, unit)), 16u}}) {
+  for (const auto& [offset, bytes] :
+       {std::pair{offsetof(SegmentHeader, type_name), 48u}, std::pair{field(offsetof(FieldRecord, name)), 40u},
+        std::pair{field(offsetof(FieldRecord, unit)), 16u}}) {
     auto writer = Writer<Probe>::create(session, "x");
     ASSERT_TRUE(writer);
     RawFile file(session.path("x"));

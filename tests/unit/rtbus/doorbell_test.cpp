@@ -48,9 +48,7 @@ TEST_P(WaitingReader, WaitingIsOverAfterReading) {
 
 TEST_P(WaitingReader, ReturnsAlsoWhenTheWriterIsKilled) {
   ScratchSession session;
-  Child child([&] {
-    return (new auto(Writer<Probe>::create(session, "x", {.doorbell = GetParam()})))->has_value();
-  });
+  Child child([&] { return (new auto(Writer<Probe>::create(session, "x", {.doorbell = GetParam()})))->has_value(); });
   ASSERT_TRUE(child.succeeded());
   auto reader = Reader<Probe>::open(session, "x");
   ASSERT_TRUE(reader);

@@ -60,7 +60,8 @@ TEST(Histogram, EveryBinBorderStaysWithinTheError) {
       const auto histogram = std::make_unique<Histogram>();
       histogram->record(ns);
       histogram->record(~std::uint64_t{0});
-      EXPECT_NEAR(static_cast<double>(histogram->percentile(0.5)), static_cast<double>(ns), 0.016 * static_cast<double>(ns));
+      EXPECT_NEAR(static_cast<double>(histogram->percentile(0.5)), static_cast<double>(ns),
+                  0.016 * static_cast<double>(ns));
     }
   }
 }

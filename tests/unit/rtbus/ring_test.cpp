@@ -117,7 +117,9 @@ struct LocalRing {
     detail::RingWriter writer(view);
     writer.publish<2>(words, n);
   }
-  struct alignas(64) Byte64 { std::byte raw[64]; };
+  struct alignas(64) Byte64 {
+    std::byte raw[64];
+  };
   detail::SharedU64 newest{0};
   std::vector<std::byte> bytes;
   detail::RingView view;

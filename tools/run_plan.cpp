@@ -1,0 +1,46 @@
+#include "tools/run_plan.hpp"
+
+#include "rtbus/config/session.hpp"
+#include "rtbus/topic_directory.hpp"
+#include "tools/ask_kernel.hpp"
+
+namespace tools {
+
+RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& assignments) {
+  std::vector<rtbus::config::Override> overrides;
+  for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
+  rtbus::config::SessionConfig config = rtbus::config::load_session(file, overrides);
+
+  RunPlan plan;
+  plan.session = config.session;
+  plan.scene = config.scene.name;
+  if (config.physics) plan.physics = physics::read_node_config(config);
+  for (std::size_t i = 0; i < config.haptic.size(); ++i) plan.haptic.push_back(haptic::read_haptic_config(config, i));
+
+  const std::string folder = folder_of_this_program();
+  const auto child = [&](std::string name, Stage stage, const char* program, std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"--config", file});
+    for (const std::string& text : assignments) arguments.insert(arguments.end(), {"--set", text});
+    return ChildSpec{std::move(name), stage, folder + "/" + program, std::move(arguments)};
+  };
+  if (plan.physics) plan.nodes.push_back(child("physics", Stage::kPhysics, "physics_node", {}));
+  for (const haptic::HapticConfig& haptic : plan.haptic) {
+    if (haptic.device->own_process()) {
+      plan.plants.push_back(child(haptic.name + " plant", Stage::kPlant, "simulated_plant", {"--node", haptic.name}));
+    }
+    plan.nodes.push_back(child(haptic.name, Stage::kHaptic, "haptic_node", {"--name", haptic.name}));
+  }
+  return plan;
+}
+
+std::string who_is_live(const std::string& session) {
+  for (const rtbus::TopicInfo& topic : rtbus::list_topics(session)) {
+    if (!topic.writer_alive) continue;
+    const auto process = ask_process(static_cast<pid_t>(topic.writer_pid));
+    return topic.topic + " by " + (process ? process->name : "a process") + " (pid " +
+           std::to_string(topic.writer_pid) + ")";
+  }
+  return "";
+}
+
+}  // namespace tools

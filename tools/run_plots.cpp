@@ -1,0 +1,229 @@
+#include "tools/run_plots.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <limits>
+
+#include "tools/gnuplot.hpp"
+
+namespace tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kStyle =
+    "set grid lc rgb '#d8d8d8'\n"
+    "set border lc rgb '#606060'\n"
+    "set tics nomirror\n"
+    "set key top right opaque box lc rgb '#d8d8d8' samplen 2\n"
+    "set lmargin 12\n";
+
+std::string format(const char* pattern, double value) {
+  char text[48];
+  std::snprintf(text, sizeof text, pattern, value);
+  return text;
+}
+
+/// What stands above each figure of a node.
+std::string title(const RunPlots& plots, const HapticObserver& haptic) {
+  const haptic::HapticConfig& config = haptic.config();
+  return "session " + plots.session + ", " + config.name + ": " + config.method + ", K " +
+         format("%g", config.stiffness_n_per_m) + " N/m, B " + format("%g", config.damping_n_s_per_m) + " N s/m, " +
+         format("%g", config.rate_hz) + " Hz, " + config.device->info().model;
+}
+
+/// The axis along which the tip went farthest: the one worth a picture.
+int main_axis(std::span<const MotionRow> rows) {
+  int best = 0;
+  double widest_m = -1.0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto [low, high] = std::minmax_element(rows.begin(), rows.end(), [axis](const auto& a, const auto& b) {
+      return a.position_m[axis] < b.position_m[axis];
+    });
+    const double width_m = high->position_m[axis] - low->position_m[axis];
+    if (width_m > widest_m) widest_m = width_m, best = axis;
+  }
+  return best;
+}
+
+Figure motion_figure(const RunPlots& plots, const HapticObserver& haptic) {
+  const std::span<const MotionRow> rows = haptic.motion().rows();
+  const std::string stem = "motion_" + haptic.config().name;
+  std::ofstream tsv(plots.folder / (stem + ".tsv"));
+  tsv << "# time_s\tx_m\ty_m\tz_m\tproxy_x_m\tproxy_y_m\tproxy_z_m\tforce_x_n\tforce_y_n\tforce_z_n"
+         "\trendered_x_n\trendered_y_n\trendered_z_n\tproxy_age_ms\n";
+  for (const MotionRow& row : rows) {
+    tsv << format("%.6f", row.time_s);
+    for (const rtbus::Vec3* vector : {&row.position_m, &row.proxy_m, &row.force_n, &row.rendered_n}) {
+      for (const double value : *vector) tsv << format("\t%.7g", value);
+    }
+    tsv << format("\t%.4f", row.proxy_age_ms) << '\n';
+  }
+  const int axis = main_axis(rows);
+  const std::string name(1, "xyz"[axis]);
+  const auto column = [axis](int first) { return std::to_string(first + axis); };
+  const std::string data = gnuplot_quoted(stem + ".tsv");
+  const double end_s = std::max(rows.back().time_s, 1e-3);
+  Figure figure{stem, kStyle, 1200, 800};
+  figure.body += "set multiplot layout 2,1 title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\n" +
+                 "set xrange [0:" + format("%.6g", end_s) + "]\nset format x ''\nset bmargin 1\n" +
+                 "set ylabel " + gnuplot_quoted("force on the hand, " + name + " [N]") + "\n" + "plot " + data +
+                 " using 1:" + column(11) + " with lines lw 2 lc rgb '#c0c0c0' title 'force law, before safety', " +
+                 data + " using 1:" + column(8) + " with lines lw 1.2 lc rgb '#b2182b' title 'left for the device'\n" +
+                 "set format x\nset bmargin 4\nset xlabel 'time [s]'\n" + "set ylabel " +
+                 gnuplot_quoted("position in the device frame, " + name + " [mm]") + "\nplot " + data + " using 1:($" +
+                 column(5) + "*1e3) with lines lw 2 lc rgb '#4393c3' title 'proxy', " + data + " using 1:($" +
+                 column(2) + "*1e3) with lines lw 1.2 lc rgb '#202020' title 'tip'\nunset multiplot\n";
+  return figure;
+}
+
+/// Counts in bins of equal width on a logarithmic axis: 20 to the decade, 0.1 us to 10 s.
+struct LogBins {
+  static constexpr int kPerDecade = 20;
+  static constexpr double kLow_us = 0.1;
+  std::array<std::uint64_t, 8 * kPerDecade> counts{};
+  std::uint64_t total = 0;
+
+  explicit LogBins(const rtbus::Histogram* histogram) {
+    if (histogram == nullptr) return;
+    histogram->for_each_bin([&](std::uint64_t low_ns, std::uint64_t high_ns, std::uint64_t count) {
+      const double middle_us = 0.5e-3 * static_cast<double>(low_ns + high_ns);
+      const double place = std::floor(kPerDecade * std::log10(middle_us / kLow_us));
+      counts[static_cast<std::size_t>(std::clamp(place, 0.0, static_cast<double>(counts.size() - 1)))] += count;
+      total += count;
+    });
+  }
+  [[nodiscard]] static double edge_us(std::size_t i) {
+    return kLow_us * std::pow(10.0, static_cast<double>(i) / kPerDecade);
+  }
+  [[nodiscard]] double percent(std::size_t i) const {
+    return total == 0 ? 0.0 : 100.0 * static_cast<double>(counts[i]) / static_cast<double>(total);
+  }
+};
+
+Figure wakeup_figure(const RunPlots& plots, const HapticObserver& haptic, const BareLoop* bare) {
+  const std::string stem = "wakeup_" + haptic.config().name;
+  const LogBins loop(&haptic.wakeup_ns());
+  const LogBins other(bare == nullptr ? nullptr : &bare->wakeup_ns());
+  std::size_t first = loop.counts.size(), last = 0;
+  for (std::size_t i = 0; i < loop.counts.size(); ++i) {
+    if (loop.counts[i] + other.counts[i] == 0) continue;
+    first = std::min(first, i);
+    last = i;
+  }
+  first = first > 0 ? first - 1 : 0;
+  std::ofstream tsv(plots.folder / (stem + ".tsv"));
+  tsv << "# bin from wakeup_us\thaptic loop percent\tbare loop percent\n";
+  for (std::size_t i = first; i <= last + 1; ++i) {
+    const bool beyond = i >= loop.counts.size();
+    tsv << format("%.6g", LogBins::edge_us(i)) << format("\t%.6g", beyond ? 0.0 : loop.percent(i))
+        << format("\t%.6g", beyond ? 0.0 : other.percent(i)) << '\n';
+  }
+  const std::string data = gnuplot_quoted(stem + ".tsv");
+  // An empty bin has no logarithm: it is drawn on the lower edge, just below a bin with a single tick.
+  const std::string floor = format("%.3g", 50.0 / static_cast<double>(std::max<std::uint64_t>(loop.total, 1)));
+  const auto drawn = [&](int column) {
+    const std::string c = "$" + std::to_string(column);
+    return data + " using 1:(" + c + ">" + floor + "?" + c + ":" + floor + ")";
+  };
+  const std::string granted(haptic.info().scheduling.data());
+  Figure figure{stem, kStyle, 1200, 700};
+  figure.body += "set title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\nset logscale xy\n" +
+                 "set xrange [" + format("%.6g", LogBins::edge_us(first)) + ":" +
+                 format("%.6g", LogBins::edge_us(last + 1)) + "]\nset yrange [" + floor + ":100]\n" +
+                 "set xlabel 'wake-up after the deadline [us]'\nset ylabel 'share of ticks [%], 20 bins per decade'\n" +
+                 "plot " + drawn(2) + " with fillsteps fs transparent solid 0.35 noborder lc rgb '#4393c3' title " +
+                 gnuplot_quoted("haptic loop, " + granted + ", " + std::to_string(loop.total) + " ticks");
+  if (bare != nullptr) {
+    figure.body += ", " + drawn(3) + " with steps lw 2 lc rgb '#b2182b' title " +
+                   gnuplot_quoted(std::string("bare loop, ") + bare->grant().scheduling() + ", " +
+                                  std::to_string(other.total) + " ticks");
+  }
+  figure.body += '\n';
+  return figure;
+}
+
+/// A cloud of points over time; logarithmic when a few tower over the rest.
+std::string cloud(const std::string& data, int column, double mean, double max, const char* colour, const char* name) {
+  const std::string scale =
+      max > 20.0 * mean ? "set logscale y\n" : "set yrange [0:" + format("%.6g", std::max(1.1 * max, 1e-6)) + "]\n";
+  return scale + "plot " + data + " using 1:" + std::to_string(column) + " with points pt 7 ps 0.25 lc rgb '" + colour +
+         "' title '" + name + "'\n";
+}
+
+template <class Row>
+std::pair<double, double> mean_and_max(std::span<const Row> rows, double Row::*member) {
+  double sum = 0.0, max = 0.0;
+  for (const Row& row : rows) {
+    sum += row.*member;
+    max = std::max(max, row.*member);
+  }
+  return {sum / static_cast<double>(rows.size()), max};
+}
+
+Figure age_figure(const RunPlots& plots, const HapticObserver& haptic) {
+  const auto [mean, max] = mean_and_max(haptic.motion().rows(), &MotionRow::proxy_age_ms);
+  Figure figure{"proxy_age_" + haptic.config().name, kStyle, 1200, 500};
+  // The data are a column of the motion's.
+  figure.body += "set title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\nset xlabel 'time [s]'\n" +
+                 "set ylabel 'age of the proxy at its use [ms]'\n" +
+                 cloud(gnuplot_quoted("motion_" + haptic.config().name + ".tsv"), 14, mean, max, "#1b7837", "proxy age");
+  return figure;
+}
+
+Figure step_figure(const RunPlots& plots, const HapticObserver& haptic) {
+  const std::span<const StepRow> rows = haptic.steps().rows();
+  std::ofstream tsv(plots.folder / "physics_step.tsv");
+  tsv << "# time_s\tstep_ms\n";
+  for (const StepRow& row : rows) tsv << format("%.6f", row.time_s) << format("\t%.6g", row.step_ms) << '\n';
+  const auto [mean, max] = mean_and_max(rows, &StepRow::step_ms);
+  Figure figure{"physics_step", kStyle, 1200, 500};
+  figure.body += "set title " + gnuplot_quoted("session " + plots.session + ": physics steps") +
+                 " noenhanced\nset xlabel 'time [s]'\nset ylabel 'engine time of a step [ms]'\n" +
+                 cloud("'physics_step.tsv'", 2, mean, max, "#762a83", "step");
+  return figure;
+}
+
+}  // namespace
+
+RunPlotsOutcome draw_run_plots(const RunPlots& plots) {
+  RunPlotsOutcome outcome;
+  std::error_code error;
+  fs::create_directories(plots.folder, error);
+  if (error) {
+    outcome.problem = plots.folder.string() + ": " + error.message();
+    return outcome;
+  }
+  std::vector<Figure> figures;
+  for (const HapticObserver* haptic : plots.haptic) {
+    if (haptic->motion().rows().empty()) continue;
+    figures.push_back(motion_figure(plots, *haptic));
+    figures.push_back(wakeup_figure(plots, *haptic, haptic == plots.haptic.front() ? plots.bare : nullptr));
+    if (haptic->needs_physics()) figures.push_back(age_figure(plots, *haptic));
+  }
+  // Every proxy carries the time of its step, which is the same for all devices: one is enough.
+  const auto stepped = std::find_if(plots.haptic.begin(), plots.haptic.end(),
+                                    [](const HapticObserver* haptic) { return !haptic->steps().rows().empty(); });
+  if (stepped != plots.haptic.end()) figures.push_back(step_figure(plots, **stepped));
+
+  const std::optional<Gnuplot> gnuplot = Gnuplot::find();
+  if (!gnuplot) {
+    outcome.problem = "no figures: gnuplot is not installed (apt install gnuplot-nox); their data are in " +
+                      plots.folder.string();
+    return outcome;
+  }
+  for (const Figure& figure : figures) {
+    if (auto drawn = gnuplot->draw(plots.folder, figure)) {
+      for (const fs::path& file : *drawn) outcome.files.push_back(file.string());
+    } else if (outcome.problem.empty()) {
+      outcome.problem = drawn.error();
+    }
+  }
+  return outcome;
+}
+
+}  // namespace tools
