@@ -2,17 +2,19 @@
 
 #include <sys/mman.h>
 #include <algorithm>
-#include <boost/interprocess/mapped_region.hpp>
-#include <boost/interprocess/shared_memory_object.hpp>
 
 #include "rtbus/clock.hpp"
 #include "rtbus/detail/doorbell.hpp"
 #include "rtbus/detail/file.hpp"
 #include "rtbus/detail/header_check.hpp"
+#include "rtbus/detail/shm_object.hpp"
 
 namespace rtbus {
 
 namespace bip = boost::interprocess;
+using detail::handle_of;
+using detail::map_object;
+using detail::open_object;
 
 namespace {
 
@@ -20,12 +22,6 @@ namespace {
 constexpr int kCreateTries = 32;
 /// A lock that is held is asked for again this often, 1 ms apart: `rtbus clean` and a closing writer hold it briefly.
 constexpr int kLockTries = 10;
-
-/// Leaves `error` in errno as well, whatever destructors do on the way out.
-struct OpenFailure {
-  TopicError error;
-  int number;
-};
 
 TopicError error_of(int number) noexcept {
   switch (number) {
@@ -40,34 +36,6 @@ TopicError error_of(int number) noexcept {
       return TopicError::kSystem;
   }
 }
-
-/// Opens or creates by name. Returns 0, or the errno of the failure: Boost's exceptions end here.
-template <class... Arguments>
-int open_object(bip::shared_memory_object& out, Arguments... arguments) {
-  try {
-    bip::shared_memory_object object(arguments...);
-    out.swap(object);
-    return 0;
-  } catch (const bip::interprocess_exception& failure) {
-    const int number = failure.get_native_error();
-    return number != 0 ? number : EIO;
-  }
-}
-
-int map_object(bip::mapped_region& out, const bip::shared_memory_object& object, bip::mode_t mode, std::uint64_t offset,
-               std::uint64_t bytes) {
-  try {
-    // MAP_POPULATE: every page is there before the loop starts.
-    bip::mapped_region region(object, mode, static_cast<bip::offset_t>(offset), bytes, nullptr, MAP_POPULATE);
-    out.swap(region);
-    return 0;
-  } catch (const bip::interprocess_exception& failure) {
-    const int number = failure.get_native_error();
-    return number != 0 ? number : EIO;
-  }
-}
-
-int handle_of(const bip::shared_memory_object& object) noexcept { return object.get_mapping_handle().handle; }
 
 Failure<TopicError> fail(TopicError error, int number = 0) noexcept {
   errno = number;
@@ -290,12 +258,17 @@ Result<Segment, TopicError> Segment::open(const Session& session, std::string_vi
       bytes > detail::geometry(detail::kMaxSampleBytes, detail::kMaxCapacity, detail::kMaxFields, true).segment_bytes) {
     return fail(TopicError::kCorrupt);
   }
-  // Check on the first page before the rest is mapped and faulted in.
-  number = map_object(impl->region, impl->object, bip::read_only, 0, bytes);
+  // Check the header before the rest is mapped: a sparse file of any size could claim to be a topic, and faulting it in
+  // would fill the memory. Ours have all their blocks from the beginning.
+  const std::uint64_t header_bytes = std::min<std::uint64_t>(bytes, detail::kMaxHeaderBytes);
+  number = map_object(impl->region, impl->object, bip::read_only, 0, header_bytes);
   if (number != 0) return fail(TopicError::kSystem, number);
   auto checked = detail::read_header(impl->base(), bytes);
   if (!checked) return fail(checked.error());
+  if (static_cast<std::uint64_t>(status.st_blocks) * 512 < bytes) return fail(TopicError::kCorrupt);
   if (expected != nullptr && !same_type(checked->description, *expected)) return fail(TopicError::kLayoutMismatch);
+  number = map_object(impl->region, impl->object, bip::read_only, 0, bytes);
+  if (number != 0) return fail(TopicError::kSystem, number);
 
   impl->id = detail::file_id(status);
   impl->owner = status.st_uid;

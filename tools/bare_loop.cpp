@@ -26,8 +26,8 @@ void BareLoop::stop() noexcept {
 
 void BareLoop::run() noexcept {
   rtbus::name_this_thread("bare_loop");
-  // Memory is not locked: that would pin the whole tool for the sake of one page of stack, which is touched all the time.
-  // The latency of deep CPU sleep is the haptic node's to hold or not; it acts on the whole machine.
+  // Memory is not locked: that would pin the whole tool for the sake of one page of stack, which is touched all the
+  // time. The latency of deep CPU sleep is the haptic node's to hold or not; it acts on the whole machine.
   grant_ = rtbus::enter_realtime(
       {.priority = options_.priority, .core = options_.core, .lock_memory = false, .hold_dma_latency = false});
   while (!stop_.load(std::memory_order_relaxed)) {

@@ -17,6 +17,7 @@ namespace tools {
 /// Why nothing was chosen: one or more sentences for the user, with what exists instead.
 struct Refusal {
   std::string message;
+  int exit_status = 2;  ///< 2: the user named the wrong thing; 1: there is nothing to name.
 };
 
 /// Sessions in `topics`, sorted, each once. `live_only`: those with a topic whose writer lives.

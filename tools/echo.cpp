@@ -159,7 +159,7 @@ int echo(const EchoOptions& options) {
   auto choice = choose(options.session, options.topic);
   if (!choice) {
     std::cerr << "rtbus echo: " << choice.error().message << '\n';
-    return kExitUsage;
+    return choice.error().exit_status;
   }
   return Echo(options, std::move(*choice)).run();
 }

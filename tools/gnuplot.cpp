@@ -6,8 +6,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <fstream>
+#include <utility>
 
 namespace tools {
 
@@ -98,9 +100,10 @@ std::string Gnuplot::script(const Figure& figure) const {
   text += "if (!exists('second')) {\n  set terminal " + png_terminal_ + " size " + size + png_look +
           "\n  set output '" + figure.stem + ".png'\n} else {\n  set terminal svg size " + size + look +
           "\n  set output '" + figure.stem + ".svg'\n}\n";
-  text += figure.body;
+  text += "reset\n" + figure.body;
   if (!text.ends_with('\n')) text += '\n';
-  text += "set output\n# Once more, for the other format.\nif (!exists('second')) { second = 1; load '" + file + "' }\n";
+  text +=
+      "set output\n# Once more, for the other format.\nif (!exists('second')) { second = 1; load '" + file + "' }\n";
   return text;
 }
 

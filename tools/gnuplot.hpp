@@ -1,7 +1,7 @@
 #pragma once
 /// @file gnuplot.hpp
-/// Figures through gnuplot. The data (TSV) and the script (.gp) stay beside each figure, so that anyone can draw it again
-/// or anew: `gnuplot motion_haptic0.gp` in its folder.
+/// Figures through gnuplot. The data (TSV) and the script (.gp) stay beside each figure, so that anyone can draw it
+/// again or anew: `gnuplot motion_haptic0.gp` in its folder.
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -25,9 +25,10 @@ class Gnuplot {
   /// Looks for gnuplot on the PATH and asks which PNG terminal it has; nullopt when there is none.
   [[nodiscard]] static std::optional<Gnuplot> find();
 
-  /// Writes `<stem>.gp` into `folder` and draws `<stem>.png` and `<stem>.svg` there. @returns both, or what gnuplot said.
+  /// Writes `<stem>.gp` into `folder` and draws `<stem>.png` and `<stem>.svg` there. @returns both, or what gnuplot
+  /// said.
   [[nodiscard]] rtbus::Result<std::vector<std::filesystem::path>, std::string> draw(const std::filesystem::path& folder,
-                                                                                   const Figure& figure) const;
+                                                                                    const Figure& figure) const;
 
   /// What draw() writes into the .gp file.
   [[nodiscard]] std::string script(const Figure& figure) const;

@@ -127,7 +127,7 @@ Action add_hz(CLI::App& command) {
     auto choice = choose(options->session, options->topic);
     if (!choice) {
       std::cerr << "rtbus hz: " << choice.error().message << '\n';
-      return kExitUsage;
+      return choice.error().exit_status;
     }
     return measure(*options, *choice);
   };

@@ -120,7 +120,7 @@ int list(const ListOptions& options) {
     const auto session = choose_session(topics, options.session);
     if (!session) {
       std::cerr << "rtbus list: " << session.error().message << '\n';
-      return kExitUsage;
+      return session.error().exit_status;
     }
     std::erase_if(topics, [&](const rtbus::TopicInfo& info) { return info.session != *session; });
   }

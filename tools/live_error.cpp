@@ -21,9 +21,7 @@ Eigen::Vector3d between(const rtbus::Vec3& a, const rtbus::Vec3& b, double share
 
 }  // namespace
 
-double RmsPeak::rms() const noexcept {
-  return count == 0 ? 0.0 : std::sqrt(square_sum / static_cast<double>(count));
-}
+double RmsPeak::rms() const noexcept { return count == 0 ? 0.0 : std::sqrt(square_sum / static_cast<double>(count)); }
 
 LiveError::LiveError(const haptic::MappingConfig& mapping, const MakeLaw& make_law, double dt_s)
     : mapping_(mapping), law_(make_law(mapping_)), dt_s_(dt_s) {}

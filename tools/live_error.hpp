@@ -1,8 +1,8 @@
 #pragma once
 /// @file live_error.hpp
-/// The staleness error of a live run: the force rendered at each tick against the force that the same law gives with the
-/// proxy that physics later published for that very instant. What a slow or distant physics costs in newtons; zero for a
-/// link without delay.
+/// The staleness error of a live run: the force rendered at each tick against the force that the same law gives with
+/// the proxy that physics later published for that very instant. What a slow or distant physics costs in newtons; zero
+/// for a link without delay.
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -44,8 +44,10 @@ class LiveError {
   void add_tick(const rtbus::Telemetry& tick);
   void add_proxy(const rtbus::ProxyState& proxy);
 
-  [[nodiscard]] const RmsPeak& force_n() const noexcept { return force_n_; }         ///< |rendered − reference|.
-  [[nodiscard]] const RmsPeak& position_m() const noexcept { return position_m_; }   ///< |proxy used − proxy of then|, in D.
+  [[nodiscard]] const RmsPeak& force_n() const noexcept { return force_n_; }  ///< |rendered − reference|.
+  [[nodiscard]] const RmsPeak& position_m() const noexcept {
+    return position_m_;
+  }  ///< |proxy used − proxy of then|, in D.
   [[nodiscard]] std::uint64_t compared() const noexcept { return force_n_.count; }
   /// Ticks without a reference: force disabled, no proxy on both sides of the tick (physics away, run over, mapping
   /// re-based by the clutch in between).

@@ -61,7 +61,8 @@ Json position_error(const HapticFigures& haptic) {
 Json proxy_age(const HapticFigures& haptic) {
   const rtbus::LoopStats& s = haptic.stats;
   if (!haptic.needs_physics) return {{"p50", nullptr}, {"p99", nullptr}, {"max", nullptr}};
-  return {{"p50", number(s.proxy_age_p50_ms)}, {"p99", number(s.proxy_age_p99_ms)}, {"max", number(s.proxy_age_max_ms)}};
+  return {
+      {"p50", number(s.proxy_age_p50_ms)}, {"p99", number(s.proxy_age_p99_ms)}, {"max", number(s.proxy_age_max_ms)}};
 }
 
 Json haptic_json(const HapticFigures& haptic, double duration_s) {
@@ -108,7 +109,8 @@ Json haptic_json(const HapticFigures& haptic, double duration_s) {
         {"device_lost", s.device_lost},
         {"losses", s.losses}}},
       {"stiffness_n_per_m",
-       {{"requested", number(info.stiffness_requested_n_per_m)}, {"rendered", number(info.stiffness_rendered_n_per_m)}}},
+       {{"requested", number(info.stiffness_requested_n_per_m)},
+        {"rendered", number(info.stiffness_rendered_n_per_m)}}},
       {"force_limit_n", number(info.force_limit_n)},
       {"observed_ticks", haptic.observed_ticks},
       {"missed_by_observer", haptic.missed_by_observer},
@@ -138,11 +140,12 @@ Json physics_json(const PhysicsFigures& physics, double duration_s) {
   const rtbus::StepStats& s = physics.stats;
   Json proxies = Json::array();
   for (const ProxyFigures& proxy : physics.proxies) {
-    proxies.push_back({{"device", proxy.device},
-                       {"published", proxy.published},
-                       {"in_contact", proxy.in_contact},
-                       {"coupling_force_n", {{"rms", number(proxy.coupling_n.rms())}, {"peak", number(proxy.coupling_n.peak)}}},
-                       {"contact_force_n", {{"rms", number(proxy.contact_n.rms())}, {"peak", number(proxy.contact_n.peak)}}}});
+    proxies.push_back(
+        {{"device", proxy.device},
+         {"published", proxy.published},
+         {"in_contact", proxy.in_contact},
+         {"coupling_force_n", {{"rms", number(proxy.coupling_n.rms())}, {"peak", number(proxy.coupling_n.peak)}}},
+         {"contact_force_n", {{"rms", number(proxy.contact_n.rms())}, {"peak", number(proxy.contact_n.peak)}}}});
   }
   // The node's cost was measured while all ran, its simulated time since it started: bring both to the same seconds.
   const double simulated_per_s = s.steps > 0 ? s.achieved_hz * s.simulated_s / static_cast<double>(s.steps) : 0.0;

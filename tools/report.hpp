@@ -32,10 +32,10 @@ struct HapticFigures {
   rtbus::NodeInfo info;
   rtbus::LoopStats stats;  ///< The last that the node published: everything since its loop started.
   bool needs_physics = false;
-  std::uint64_t observed_ticks = 0;      ///< Ticks whose telemetry was seen here.
-  std::uint64_t missed_by_observer = 0;  ///< Telemetry that was overwritten before it could be read.
-  double generated_peak_j = 0.0;         ///< Most energy that the device had given the hand, net, at any tick.
-  double ledger_min_j = 0.0;             ///< Lowest level of the passivity reservoir.
+  std::uint64_t observed_ticks = 0;       ///< Ticks whose telemetry was seen here.
+  std::uint64_t missed_by_observer = 0;   ///< Telemetry that was overwritten before it could be read.
+  double generated_peak_j = 0.0;          ///< Most energy that the device had given the hand, net, at any tick.
+  double ledger_min_j = 0.0;              ///< Lowest level of the passivity reservoir.
   std::optional<StalenessFigures> error;  ///< None: needs no physics, or nothing could be compared.
   ProcessCost cost;
 };
@@ -54,7 +54,7 @@ struct BareLoopFigures {
 struct ProxyFigures {
   std::string device;
   std::uint64_t published = 0;
-  std::uint64_t in_contact = 0;  ///< Steps with at least one contact.
+  std::uint64_t in_contact = 0;   ///< Steps with at least one contact.
   RmsPeak coupling_n, contact_n;  ///< On the proxy, in W.
 };
 

@@ -92,8 +92,9 @@ void add_loops(std::string& out, const HapticFigures& haptic, const BareLoopFigu
   }
   for (const std::string& row : table.lines()) out += "  " + row + '\n';
   if (bare != nullptr && bare->scheduling != text_of(haptic.info.scheduling)) {
-    line(out, "note", "the bare loop ran with " + bare->scheduling + ", the haptic loop with " +
-                          text_of(haptic.info.scheduling) + ": they do not compare");
+    line(out, "note",
+         "the bare loop ran with " + bare->scheduling + ", the haptic loop with " + text_of(haptic.info.scheduling) +
+             ": they do not compare");
   }
 }
 
@@ -109,24 +110,27 @@ void add_haptic(std::string& out, const RunReport& report, const HapticFigures& 
   if (haptic.needs_physics) {
     line(out, "proxy age", percentiles(s.proxy_age_p50_ms, s.proxy_age_p99_ms, s.proxy_age_max_ms, "ms"));
   }
-  line(out, "force", "rms " + figure(s.force_rms_n) + ", peak " + figure(s.force_peak_n) + " N of " +
-                         figure(haptic.info.force_limit_n) + " N");
+  line(out, "force",
+       "rms " + figure(s.force_rms_n) + ", peak " + figure(s.force_peak_n) + " N of " +
+           figure(haptic.info.force_limit_n) + " N");
   if (haptic.error) {
-    line(out, "staleness", "force error rms " + figure(haptic.error->force_n.rms()) + ", peak " +
-                               figure(haptic.error->force_n.peak) + " N; proxy error rms " +
-                               figure(1e3 * haptic.error->position_m.rms()) + ", peak " +
-                               figure(1e3 * haptic.error->position_m.peak) + " mm");
+    line(out, "staleness",
+         "force error rms " + figure(haptic.error->force_n.rms()) + ", peak " + figure(haptic.error->force_n.peak) +
+             " N; proxy error rms " + figure(1e3 * haptic.error->position_m.rms()) + ", peak " +
+             figure(1e3 * haptic.error->position_m.peak) + " mm");
   }
-  line(out, "energy", figure(1e3 * s.energy_absorbed_j) + " mJ absorbed from the hand, at worst " +
-                          figure(1e3 * haptic.generated_peak_j) + " mJ given; " + figure(1e3 * s.energy_injected_j) +
-                          " mJ removed by the passivity damper");
+  line(out, "energy",
+       figure(1e3 * s.energy_absorbed_j) + " mJ absorbed from the hand, at worst " +
+           figure(1e3 * haptic.generated_peak_j) + " mJ given; " + figure(1e3 * s.energy_injected_j) +
+           " mJ removed by the passivity damper");
   line(out, "safety", safety_text(s));
   line(out, "process", cost_text(haptic.cost, report.duration_s));
   line(out, "left out", text_of(haptic.info.left_out));
   if (haptic.missed_by_observer > 0) {
-    line(out, "observer", "missed " + std::to_string(haptic.missed_by_observer) + " of " +
-                              std::to_string(haptic.missed_by_observer + haptic.observed_ticks) +
-                              " ticks: staleness and figures are without them");
+    line(out, "observer",
+         "missed " + std::to_string(haptic.missed_by_observer) + " of " +
+             std::to_string(haptic.missed_by_observer + haptic.observed_ticks) +
+             " ticks: staleness and figures are without them");
   }
 }
 
@@ -134,12 +138,13 @@ void add_physics(std::string& out, const PhysicsFigures& physics, double duratio
   const rtbus::StepStats& s = physics.stats;
   out += "\nphysics: engine " + text_of(physics.info.kind) + ", " + text_of(physics.info.clock) + " at " +
          figure(s.rate_hz) + " Hz, " + std::to_string(s.bodies) + (s.bodies == 1 ? " body" : " bodies") + '\n';
-  line(out, "steps", std::to_string(s.steps) + ", " + std::to_string(s.late) + " late, at last " +
-                         figure(s.achieved_hz) + " Hz");
+  line(out, "steps",
+       std::to_string(s.steps) + ", " + std::to_string(s.late) + " late, at last " + figure(s.achieved_hz) + " Hz");
   line(out, "step", percentiles(s.step_p50_ms, s.step_p99_ms, s.step_max_ms, "ms"));
   for (const ProxyFigures& proxy : physics.proxies) {
-    line(out, "proxy", proxy.device + ": in contact " + share(proxy.in_contact, proxy.published) + ", contact force rms " +
-                           figure(proxy.contact_n.rms()) + ", peak " + figure(proxy.contact_n.peak) + " N");
+    line(out, "proxy",
+         proxy.device + ": in contact " + share(proxy.in_contact, proxy.published) + ", contact force rms " +
+             figure(proxy.contact_n.rms()) + ", peak " + figure(proxy.contact_n.peak) + " N");
   }
   line(out, "process", cost_text(physics.cost, duration_s));
   line(out, "left out", text_of(physics.info.left_out));

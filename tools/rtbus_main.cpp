@@ -41,11 +41,15 @@ int main(int argc, char** argv) {
   CLI::App app{"rtbus: force feedback in two processes, joined by shared memory", "rtbus"};
   app.set_version_flag("--version", "rtbus " RTBUS_VERSION);
   app.require_subcommand(1);
-  app.footer(kFooter);
   std::vector<std::pair<CLI::App*, tools::Action>> actions;
   for (const Entry& entry : kCommands) {
     CLI::App* const command = app.add_subcommand(entry.name, entry.description);
     actions.emplace_back(command, entry.add(*command));
+  }
+  app.footer(kFooter);  // after the commands, which would inherit it
+  if (argc < 2) {
+    std::cerr << app.help();
+    return tools::kExitUsage;
   }
   try {
     app.parse(argc, argv);

@@ -56,6 +56,7 @@ class HapticObserver {
   [[nodiscard]] bool needs_physics() const noexcept { return error_.has_value(); }
   [[nodiscard]] const rtbus::NodeInfo& info() const noexcept { return info_.value; }
   [[nodiscard]] const rtbus::Telemetry& last_tick() const noexcept { return tick_.value; }
+  [[nodiscard]] double achieved_hz() const noexcept { return stats_.value.achieved_hz; }
   [[nodiscard]] std::uint64_t observed_ticks() const noexcept { return observed_ticks_; }
 
   [[nodiscard]] const Trace<MotionRow>& motion() const noexcept { return motion_; }

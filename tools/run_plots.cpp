@@ -70,8 +70,8 @@ Figure motion_figure(const RunPlots& plots, const HapticObserver& haptic) {
   const double end_s = std::max(rows.back().time_s, 1e-3);
   Figure figure{stem, kStyle, 1200, 800};
   figure.body += "set multiplot layout 2,1 title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\n" +
-                 "set xrange [0:" + format("%.6g", end_s) + "]\nset format x ''\nset bmargin 1\n" +
-                 "set ylabel " + gnuplot_quoted("force on the hand, " + name + " [N]") + "\n" + "plot " + data +
+                 "set xrange [0:" + format("%.6g", end_s) + "]\nset format x ''\nset bmargin 1\n" + "set ylabel " +
+                 gnuplot_quoted("force on the hand, " + name + " [N]") + "\n" + "plot " + data +
                  " using 1:" + column(11) + " with lines lw 2 lc rgb '#c0c0c0' title 'force law, before safety', " +
                  data + " using 1:" + column(8) + " with lines lw 1.2 lc rgb '#b2182b' title 'left for the device'\n" +
                  "set format x\nset bmargin 4\nset xlabel 'time [s]'\n" + "set ylabel " +
@@ -169,9 +169,10 @@ Figure age_figure(const RunPlots& plots, const HapticObserver& haptic) {
   const auto [mean, max] = mean_and_max(haptic.motion().rows(), &MotionRow::proxy_age_ms);
   Figure figure{"proxy_age_" + haptic.config().name, kStyle, 1200, 500};
   // The data are a column of the motion's.
-  figure.body += "set title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\nset xlabel 'time [s]'\n" +
-                 "set ylabel 'age of the proxy at its use [ms]'\n" +
-                 cloud(gnuplot_quoted("motion_" + haptic.config().name + ".tsv"), 14, mean, max, "#1b7837", "proxy age");
+  figure.body +=
+      "set title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\nset xlabel 'time [s]'\n" +
+      "set ylabel 'age of the proxy at its use [ms]'\n" +
+      cloud(gnuplot_quoted("motion_" + haptic.config().name + ".tsv"), 14, mean, max, "#1b7837", "proxy age");
   return figure;
 }
 
@@ -212,8 +213,8 @@ RunPlotsOutcome draw_run_plots(const RunPlots& plots) {
 
   const std::optional<Gnuplot> gnuplot = Gnuplot::find();
   if (!gnuplot) {
-    outcome.problem = "no figures: gnuplot is not installed (apt install gnuplot-nox); their data are in " +
-                      plots.folder.string();
+    outcome.problem =
+        "no figures: gnuplot is not installed (apt install gnuplot-nox); their data are in " + plots.folder.string();
     return outcome;
   }
   for (const Figure& figure : figures) {

@@ -18,8 +18,8 @@ namespace tools {
 
 namespace {
 
-constexpr std::size_t kLastWords = 12;         // lines kept per child
-constexpr std::size_t kLongestLine = 4096;     // longer ones are cut in pieces
+constexpr std::size_t kLastWords = 12;      // lines kept per child
+constexpr std::size_t kLongestLine = 4096;  // longer ones are cut in pieces
 constexpr std::uint64_t kPollPeriod_ns = 5 * rtbus::kNsPerMs;
 
 /// Runs in the child between fork and exec: async-signal-safe calls only.
@@ -127,8 +127,7 @@ std::vector<ChildEnd> Supervisor::end_all() {
       ::kill(child.pid, SIGTERM);
       ::kill(child.pid, SIGCONT);  // one that was stopped sees the SIGTERM only when it goes on
     }
-    const std::uint64_t patience_end_ns =
-        rtbus::monotonic_ns() + static_cast<std::uint64_t>(kPatience_s * 1e9);
+    const std::uint64_t patience_end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(kPatience_s * 1e9);
     bool killing = false;
     const auto in_stage = [stage](const Child& child) { return child.stage == stage; };
     while (std::any_of(children_.begin(), children_.end(), in_stage)) {
@@ -162,8 +161,6 @@ std::vector<ChildView> Supervisor::running() const {
   return views;
 }
 
-std::string folder_of_this_program() {
-  return std::filesystem::read_symlink("/proc/self/exe").parent_path().string();
-}
+std::string folder_of_this_program() { return std::filesystem::read_symlink("/proc/self/exe").parent_path().string(); }
 
 }  // namespace tools

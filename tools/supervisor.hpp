@@ -2,8 +2,8 @@
 /// @file supervisor.hpp
 /// The child processes of `rtbus run`: started with a leash, watched, and ended in a fixed order.
 ///
-/// A child gets SIGTERM from the kernel when the supervisor dies, however that happens, and a process group of its own, so
-/// that Ctrl-C in the terminal reaches only the supervisor, which then ends the children one stage after the other.
+/// A child gets SIGTERM from the kernel when the supervisor dies, however that happens, and a process group of its own,
+/// so that Ctrl-C in the terminal reaches only the supervisor, which then ends the children one stage after the other.
 #include <sys/types.h>
 
 #include <cstdint>
@@ -21,7 +21,7 @@ namespace tools {
 enum class Stage : std::uint8_t { kHaptic, kPhysics, kPlant };
 
 struct ChildSpec {
-  std::string name;                    ///< For people: "haptic0", "physics", "haptic0 plant".
+  std::string name;  ///< For people: "haptic0", "physics", "haptic0 plant".
   Stage stage = Stage::kHaptic;
   std::string program;                 ///< Path of the binary.
   std::vector<std::string> arguments;  ///< Without the program's name.
@@ -31,9 +31,9 @@ struct ChildSpec {
 struct ChildEnd {
   std::string name;
   pid_t pid = 0;
-  int wait_status = 0;                 ///< As waitpid() gives it.
-  bool killed = false;                 ///< It did not end in time and got SIGKILL from us.
-  std::vector<std::string> last_words; ///< The last lines it wrote.
+  int wait_status = 0;                  ///< As waitpid() gives it.
+  bool killed = false;                  ///< It did not end in time and got SIGKILL from us.
+  std::vector<std::string> last_words;  ///< The last lines it wrote.
 
   /// "ended with status 1", "was killed by signal 9 (Killed)".
   [[nodiscard]] std::string how() const;

@@ -52,9 +52,9 @@ struct CheckedHeader {
   Geometry where{};
 };
 
-/// Reads the header of a mapping of `mapped_bytes` (at least one page). Each value is copied before it is checked, so a
-/// hostile writer cannot change it in between.
-[[nodiscard]] inline Result<CheckedHeader, TopicError> read_header(const std::byte* base, std::size_t mapped_bytes) {
+/// Reads the header of a file of `file_bytes` (at least one page), of which the first kMaxHeaderBytes, or all, are
+/// mapped at `base`. Each value is copied before it is checked, so a hostile writer cannot change it in between.
+[[nodiscard]] inline Result<CheckedHeader, TopicError> read_header(const std::byte* base, std::uint64_t file_bytes) {
   const auto* const shared = reinterpret_cast<const SegmentHeader*>(base);
   const std::uint64_t magic = shared->magic.load(std::memory_order_acquire);
   if (magic == 0) return Failure{TopicError::kNotFound};  // its creator is not ready
@@ -76,7 +76,7 @@ struct CheckedHeader {
   checked.where = geometry(fixed.sample_bytes, fixed.capacity, fixed.field_count, fixed.doorbell_offset != 0);
   if (fixed.header_bytes != checked.where.header_bytes || fixed.slot_stride != checked.where.slot_stride ||
       fixed.doorbell_offset != checked.where.doorbell_offset || fixed.segment_bytes != checked.where.segment_bytes ||
-      fixed.segment_bytes != mapped_bytes) {
+      fixed.segment_bytes != file_bytes) {
     return Failure{TopicError::kCorrupt};
   }
   if (shared->newest.load(std::memory_order_acquire) > kMaxSequence) return Failure{TopicError::kCorrupt};

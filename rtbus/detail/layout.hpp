@@ -98,6 +98,9 @@ constexpr Geometry geometry(std::uint32_t sample_bytes, std::uint32_t capacity, 
 }
 static_assert(geometry(256, 64, 32, false).segment_bytes == 24'576);  // 1.25 × 256 × 64 and one page
 
+/// No header is longer.
+inline constexpr std::uint64_t kMaxHeaderBytes = geometry(8, kMinCapacity, kMaxFields, false).header_bytes;
+
 constexpr bool valid_sizes(std::uint32_t sample_bytes, std::uint32_t capacity, std::uint64_t field_count) noexcept {
   return sample_bytes >= 8 && sample_bytes <= kMaxSampleBytes && sample_bytes % 8 == 0 && capacity >= kMinCapacity &&
          capacity <= kMaxCapacity && (capacity & (capacity - 1)) == 0 && field_count >= 1 && field_count <= kMaxFields;

@@ -34,7 +34,14 @@ NOINLINE void* operator new(std::size_t bytes) {
   if (void* const memory = std::malloc(bytes == 0 ? 1 : bytes)) return memory;
   throw std::bad_alloc();
 }
+NOINLINE void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept {
+  if (counting_allocations) ++allocations;
+  return std::malloc(bytes == 0 ? 1 : bytes);
+}
 NOINLINE void* operator new[](std::size_t bytes) { return ::operator new(bytes); }
+NOINLINE void* operator new[](std::size_t bytes, const std::nothrow_t& tag) noexcept {
+  return ::operator new(bytes, tag);
+}
 NOINLINE void operator delete(void* memory) noexcept { std::free(memory); }
 NOINLINE void operator delete[](void* memory) noexcept { std::free(memory); }
 NOINLINE void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }

@@ -3,7 +3,7 @@
 /// A simulated_plant as a child process, and the session file that it and the device under test share.
 #include <fcntl.h>
 #include <signal.h>
-#include <spawn.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -69,12 +69,16 @@ class PlantProcess {
     std::vector<char*> argv;
     for (std::string& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
-    posix_spawn_file_actions_t actions;  // its chatter would only confuse the test's output
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-    posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
-    if (::posix_spawn(&pid_, argv[0], &actions, nullptr, argv.data(), environ) != 0) pid_ = -1;
-    posix_spawn_file_actions_destroy(&actions);
+    const pid_t parent = ::getpid();
+    pid_ = ::fork();
+    if (pid_ != 0) return;
+    // In the child, where only async-signal-safe calls are allowed. A test that crashes takes its plant along.
+    ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+    const int nowhere = ::open("/dev/null", O_WRONLY);  // its chatter would only confuse the test's output
+    ::dup2(nowhere, STDOUT_FILENO);
+    ::dup2(nowhere, STDERR_FILENO);
+    if (::getppid() == parent) ::execv(argv[0], argv.data());
+    ::_exit(127);
   }
   explicit PlantProcess(const SessionFile& session)
       : PlantProcess(std::vector<std::string>{"--config", session.path(), "--node", "haptic0"}) {}

@@ -111,6 +111,18 @@ TEST(CorruptSegment, FilesOfAnyOtherLengthAreRefused) {
   }
 }
 
+TEST(CorruptSegment, SparseFileWithAGoodHeaderIsNotFaultedIn) {
+  ScratchSession session;
+  auto writer = Writer<Probe>::create(session, "x", {.capacity = 1024});
+  ASSERT_TRUE(writer);
+  const int fd = ::open(session.path("x").c_str(), O_RDWR | O_CLOEXEC);
+  ASSERT_EQ(::fallocate(fd, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 8192, 8192), 0);
+  ::close(fd);
+  auto reader = Reader<Probe>::open(session, "x");
+  ASSERT_FALSE(reader);
+  EXPECT_EQ(reader.error(), TopicError::kCorrupt);
+}
+
 TEST(CorruptSegment, DamageAfterOpeningNeitherCrashesNorHangsAReader) {
   ScratchSession session;
   auto writer = Writer<Probe>::create(session, "x", {.capacity = 4});

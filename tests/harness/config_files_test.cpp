@@ -1,0 +1,77 @@
+/// The session files that are shipped, read by every reader of every node; and sessions that the nodes must refuse.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "haptic_node/node_config.hpp"
+#include "physics_node/engine_registry.hpp"
+#include "physics_node/node_config.hpp"
+#include "tests/support/bad_config.hpp"
+
+namespace {
+
+using rtbus::config::Override;
+using tests::BadConfig;
+
+/// What `rtbus run` checks before it starts anything.
+void read_everything(const std::string& file, const std::vector<Override>& overrides) {
+  auto session = rtbus::config::load_session(file, overrides);
+  for (std::size_t i = 0; i < session.haptic.size(); ++i) (void)haptic::read_haptic_config(session, i);
+  if (session.physics) {
+    const auto config = physics::read_node_config(session);
+    (void)physics::make_world(config.physics.engine, config.scene);
+  }
+}
+
+std::vector<std::string> shipped_sessions() {
+  std::vector<std::string> out;
+  for (const auto& entry : std::filesystem::directory_iterator(std::string(RTBUS_SOURCE_DIR) + "/config")) {
+    if (entry.path().extension() == ".yaml") out.push_back(entry.path().string());
+  }
+  return out;
+}
+
+TEST(ShippedSessions, AreAcceptedByEveryReader) {
+  const auto files = shipped_sessions();
+  EXPECT_GE(files.size(), 4u);
+  for (const std::string& file : files) EXPECT_NO_THROW(read_everything(file, {})) << file;
+}
+
+TEST(ShippedDevices, AreAcceptedInASession) {
+  const std::string config = std::string(RTBUS_SOURCE_DIR) + "/config/";
+  int devices = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(config + "devices")) {
+    if (entry.path().extension() != ".yaml") continue;
+    ++devices;
+    EXPECT_NO_THROW(read_everything(config + "wall.yaml",
+                                    {rtbus::config::parse_override("haptic.0.device=" + entry.path().string())}))
+        << entry.path();
+  }
+  EXPECT_GE(devices, 5);
+}
+
+TEST(ShippedScenes, AreAcceptedInASession) {
+  const std::string config = std::string(RTBUS_SOURCE_DIR) + "/config/";
+  for (const auto& entry : std::filesystem::directory_iterator(config + "scenes")) {
+    EXPECT_NO_THROW(read_everything(config + "wall.yaml",
+                                    {rtbus::config::parse_override("scene=" + entry.path().string())}))
+        << entry.path();
+  }
+}
+
+TEST(HapticConfig, LowersAStiffnessThatTheDeviceDoesNotAllowAndKeepsBoth) {
+  auto session = rtbus::config::load_session(
+      std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
+      {rtbus::config::parse_override("haptic.0.coupling.stiffness_n_per_m=50000")});
+  const auto config = haptic::read_haptic_config(session, 0);
+  EXPECT_EQ(config.stiffness_requested_n_per_m, 50000.0);
+  EXPECT_EQ(config.stiffness_n_per_m, config.device->info().max_stiffness_n_per_m);
+  // The slew limit follows the stiffness that is rendered: never below 2·K·v.
+  EXPECT_GE(config.safety.slew_n_per_ms, 2.0 * config.stiffness_n_per_m * 0.6e-3 - 1e-12);
+}
+
+class BadNode : public testing::TestWithParam<BadConfig> {};
+TEST_P(BadNode, IsRefusedWithItsReason) { EXPECT_TRUE(tests::fails_as_expected(GetParam(), read_everything)); }
+INSTANTIATE_TEST_SUITE_P(Files, BadNode, testing::ValuesIn(tests::bad_configs("node")), tests::bad_config_name);
+
+}  // namespace

@@ -1,0 +1,354 @@
+#include "tools/live_run.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/topic.hpp"
+#include "rtbus/topic_directory.hpp"
+#include "tools/bare_loop.hpp"
+#include "tools/command.hpp"
+#include "tools/interrupt.hpp"
+#include "tools/report.hpp"
+#include "tools/run_observer.hpp"
+#include "tools/run_plots.hpp"
+#include "tools/run_progress.hpp"
+#include "tools/supervisor.hpp"
+#include "tools/text_table.hpp"
+
+namespace tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kDrainPeriod_ns = 20 * rtbus::kNsPerMs;
+constexpr std::uint64_t kShowPeriod_ns = 200 * rtbus::kNsPerMs;
+constexpr double kStartPatience_s = 15.0;  // a loaded machine, sanitizers, a device that homes
+
+std::string utc_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  ::gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
+/// CPU time and published counts at one moment; two of them make rates.
+struct Snapshot {
+  std::uint64_t time_ns = rtbus::monotonic_ns();
+  std::map<std::string, ProcessUsage> processes;  ///< By the child's name.
+  std::vector<rtbus::TopicInfo> topics;
+
+  Snapshot(const Supervisor& supervisor, const std::string& session) : topics(rtbus::list_topics(session)) {
+    for (const ChildView& child : supervisor.running()) {
+      if (const auto usage = ask_process(child.pid)) processes[child.name] = *usage;
+    }
+  }
+};
+
+BareLoopFigures bare_figures(const BareLoop& bare, const haptic::HapticConfig& beside) {
+  const rtbus::Histogram& wakeup = bare.wakeup_ns();
+  const auto us = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-3; };
+  BareLoopFigures out;
+  out.beside = beside.name;
+  out.rate_hz = beside.rate_hz;
+  out.scheduling = bare.grant().scheduling();
+  out.granted = bare.grant().summary();
+  out.ticks = bare.pacer().served();
+  out.due = bare.pacer().due();
+  out.overruns = bare.pacer().overruns();
+  out.wakeup_p50_us = us(wakeup.percentile(0.50));
+  out.wakeup_p99_us = us(wakeup.percentile(0.99));
+  out.wakeup_p999_us = us(wakeup.percentile(0.999));
+  out.wakeup_max_us = us(wakeup.max());
+  return out;
+}
+
+/// One run, from the first child to the last line.
+class Run {
+ public:
+  Run(const RunOptions& options, RunPlan plan)
+      : options_(options),
+        plan_(std::move(plan)),
+        progress_(!options.quiet && ::isatty(STDERR_FILENO) == 1 && options.duration_s.value_or(1e9) > 2.0,
+                  !options.quiet),
+        supervisor_([this](const std::string&, std::string_view line) { progress_.log(line); }) {
+    for (const haptic::HapticConfig& haptic : plan_.haptic) {
+      observers_.push_back(std::make_unique<HapticObserver>(plan_.session, haptic));
+    }
+    if (plan_.physics) physics_.emplace(plan_.session);
+  }
+
+  int operator()();
+
+ private:
+  [[nodiscard]] bool start();
+  [[nodiscard]] bool start_children(const std::vector<ChildSpec>& children);
+  template <class Ready>
+  [[nodiscard]] bool wait_for(const std::string& what, const Ready& ready);
+  [[nodiscard]] bool all_beat();
+  void follow();
+  void start_bare_loop();
+  void drain();
+  void show();
+  void fail(const ChildEnd& end);
+  void fill_report(const Snapshot& first, const Snapshot& last);
+  [[nodiscard]] int finish();
+
+  const RunOptions& options_;
+  RunPlan plan_;
+  RunProgress progress_;
+  std::vector<std::unique_ptr<HapticObserver>> observers_;
+  std::optional<PhysicsObserver> physics_;
+  std::unique_ptr<BareLoop> bare_;
+  RunReport report_;
+  std::uint64_t began_ns_ = rtbus::monotonic_ns();
+  std::uint64_t running_ns_ = 0;
+  std::uint64_t shown_ns_ = 0;
+  Supervisor supervisor_;  ///< Last, so that the nodes have ended before anything they are reported to is gone.
+};
+
+void Run::fail(const ChildEnd& end) {
+  std::string fault = end.name + " (pid " + std::to_string(end.pid) + ") " + end.how();
+  report_.faults.push_back(fault);
+  progress_.clear();
+  if (options_.quiet) {  // its words have not been shown yet
+    for (const std::string& line : end.last_words) std::fprintf(stderr, "%s\n", line.c_str());
+  }
+  std::fprintf(stderr, "rtbus run: %s\n", fault.c_str());
+}
+
+bool Run::start_children(const std::vector<ChildSpec>& children) {
+  for (const ChildSpec& child : children) {
+    if (auto started = supervisor_.start(child); !started) {
+      report_.faults.push_back(started.error());
+      std::fprintf(stderr, "rtbus run: %s\n", started.error().c_str());
+      return false;
+    }
+  }
+  return true;
+}
+
+template <class Ready>
+bool Run::wait_for(const std::string& what, const Ready& ready) {
+  const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(kStartPatience_s * 1e9);
+  while (!ready()) {
+    if (const auto end = supervisor_.poll()) {
+      fail(*end);
+      return false;
+    }
+    if (rtbus::monotonic_ns() > end_ns) {
+      report_.faults.push_back(what + " did not come within " + fixed(kStartPatience_s, 0) + " s");
+      std::fprintf(stderr, "rtbus run: %s\n", report_.faults.back().c_str());
+      return false;
+    }
+    if (!sleep_unless_interrupted(kDrainPeriod_ns)) {
+      std::fprintf(stderr, "rtbus run: interrupted before all nodes ran\n");
+      return false;
+    }
+  }
+  return true;
+}
+
+bool Run::all_beat() {
+  std::vector<std::string> names;
+  if (plan_.physics) names.emplace_back("physics");
+  for (const haptic::HapticConfig& haptic : plan_.haptic) names.push_back(haptic.name);
+  return std::all_of(names.begin(), names.end(), [this](const std::string& name) {
+    auto reader = rtbus::Reader<rtbus::Heartbeat>::open(plan_.session, name + ".heartbeat");
+    rtbus::Stamped<rtbus::Heartbeat> beat;
+    return reader && reader->writer_alive() && reader->read_latest(beat) == rtbus::ReadStatus::kFresh &&
+           beat.value.state == static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
+  });
+}
+
+bool Run::start() {
+  if (!start_children(plan_.plants)) return false;
+  for (const haptic::HapticConfig& haptic : plan_.haptic) {
+    if (!haptic.device->own_process()) continue;
+    const std::string topic = haptic.name + ".plant_state";
+    const auto there = [&] {
+      auto reader = rtbus::Reader<rtbus::PlantState>::open(plan_.session, topic);
+      return reader && reader->writer_alive();
+    };
+    if (!wait_for(topic, there)) return false;
+  }
+  if (!start_children(plan_.nodes)) return false;
+  if (!wait_for("a running heartbeat of every node", [this] { return all_beat(); })) return false;
+  return wait_for("the topics of every node", [this] {
+    bool all = !physics_ || physics_->attach();
+    for (const auto& observer : observers_) all = observer->attach() && all;
+    return all;
+  });
+}
+
+void Run::drain() {
+  for (const auto& observer : observers_) observer->drain();
+  if (physics_) physics_->drain();
+}
+
+void Run::start_bare_loop() {
+  // Its phase and core are those of the first haptic loop, which has told both by now.
+  const HapticObserver& beside = *observers_.front();
+  if (bare_ || options_.report.empty() || options_.no_bare_loop || beside.observed_ticks() == 0 ||
+      beside.info().rate_hz <= 0.0) {
+    return;
+  }
+  BareLoopOptions options;
+  options.period_ns = beside.config().period_ns();
+  options.phase_ns = beside.last_tick().due_ns;
+  options.core = static_cast<std::int32_t>(beside.info().core);  // 0xffffffff is −1: not pinned
+  options.priority = std::max(1, beside.config().realtime.priority - 1);
+  bare_ = std::make_unique<BareLoop>(options);
+}
+
+void Run::show() {
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  if (!progress_.has_bar() || now_ns < shown_ns_ + kShowPeriod_ns) return;
+  shown_ns_ = now_ns;
+  std::string figures;
+  for (const auto& observer : observers_) {
+    const rtbus::Vec3& f = observer->last_tick().force_n;
+    figures += "  " + observer->config().name + " " + fixed(observer->achieved_hz(), 0) + " Hz " +
+               fixed(std::hypot(f[0], f[1], f[2]), 2) + " N";
+  }
+  if (physics_) figures += "  physics " + fixed(physics_->stats().achieved_hz, 0) + " Hz";
+  progress_.show(rtbus::seconds_between(running_ns_, now_ns), options_.duration_s.value_or(0.0), figures);
+}
+
+void Run::follow() {
+  if (!options_.duration_s && !options_.quiet && !progress_.has_bar()) {
+    std::fprintf(stderr, "rtbus run: session %s runs until Ctrl-C\n", plan_.session.name.c_str());
+  }
+  const std::uint64_t end_ns =
+      options_.duration_s ? running_ns_ + static_cast<std::uint64_t>(*options_.duration_s * 1e9) : UINT64_MAX;
+  while (true) {
+    // A node that dies ends the session: the others would go on, safely, but the run is not what was asked for.
+    if (const auto end = supervisor_.poll()) {
+      fail(*end);
+      report_.ended = "failure";
+      return;
+    }
+    drain();
+    start_bare_loop();
+    show();
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    if (now_ns >= end_ns) {
+      report_.ended = "duration";
+      return;
+    }
+    if (!sleep_unless_interrupted(std::min(kDrainPeriod_ns, end_ns - now_ns))) {
+      report_.ended = "interrupt";
+      return;
+    }
+  }
+}
+
+void Run::fill_report(const Snapshot& first, const Snapshot& last) {
+  const auto cost = [&](const std::string& name) {
+    const auto before = first.processes.find(name), after = last.processes.find(name);
+    if (before == first.processes.end() || after == last.processes.end()) return ProcessCost{};
+    return ProcessCost{after->second.cpu_s - before->second.cpu_s,
+                       static_cast<double>(after->second.rss_bytes) / (1024.0 * 1024.0), after->second.threads};
+  };
+  report_.duration_s = rtbus::seconds_between(first.time_ns, last.time_ns);
+  for (const auto& observer : observers_) {
+    report_.haptic.push_back(observer->figures());
+    report_.haptic.back().cost = cost(observer->config().name);
+  }
+  if (physics_) {
+    report_.physics = physics_->figures();
+    report_.physics->cost = cost("physics");
+    for (const auto& observer : observers_) report_.physics->proxies.push_back(observer->proxy_figures());
+  }
+  if (bare_) report_.bare_loop = bare_figures(*bare_, observers_.front()->config());
+  for (const rtbus::TopicInfo& topic : last.topics) {
+    report_.shm_bytes += topic.segment_bytes;
+    const auto before = std::find_if(first.topics.begin(), first.topics.end(),
+                                     [&](const rtbus::TopicInfo& each) { return each.topic == topic.topic; });
+    const std::uint64_t base = before == first.topics.end() ? 0 : before->published;
+    report_.topics.push_back({topic.topic, topic.type_name, topic.sample_bytes, topic.published,
+                              static_cast<double>(topic.published - base) / report_.duration_s});
+  }
+}
+
+int Run::finish() {
+  if (!options_.no_plots && (!options_.plots.empty() || !options_.report.empty())) {
+    RunPlots plots;
+    const fs::path report(options_.report);
+    plots.folder =
+        !options_.plots.empty() ? fs::path(options_.plots) : report.parent_path() / (report.stem().string() + "_plots");
+    plots.session = plan_.session.name;
+    for (const auto& observer : observers_) plots.haptic.push_back(observer.get());
+    plots.bare = bare_.get();
+    RunPlotsOutcome drawn = draw_run_plots(plots);
+    report_.figures = std::move(drawn.files);
+    if (!drawn.problem.empty()) std::fprintf(stderr, "rtbus run: %s\n", drawn.problem.c_str());
+  }
+  report_.wall_s = rtbus::seconds_between(began_ns_, rtbus::monotonic_ns());
+  const nlohmann::ordered_json json = to_json(report_);
+  bool written = true;
+  if (!options_.report.empty()) {
+    std::ofstream out(options_.report);
+    out << json.dump(2) << '\n';
+    out.close();
+    written = static_cast<bool>(out);
+    if (!written) std::fprintf(stderr, "rtbus run: cannot write %s\n", options_.report.c_str());
+  }
+  if (options_.json) {
+    std::printf("%s\n", json.dump(2).c_str());
+  } else {
+    std::printf("%s", to_text(report_).c_str());
+    if (written && !options_.report.empty()) std::printf("report: %s\n", options_.report.c_str());
+    for (const std::string& figure : report_.figures) {
+      if (figure.ends_with(".png")) std::printf("figure: %s\n", figure.c_str());
+    }
+  }
+  return report_.faults.empty() && written ? kExitFine : kExitFailed;
+}
+
+int Run::operator()() {
+  report_.config = options_.file;
+  report_.overrides = options_.assignments;
+  report_.session = plan_.session.name;
+  report_.scene = plan_.scene;
+  report_.started_utc = utc_now();
+  report_.machine = ask_machine();
+
+  const bool started = start();
+  std::optional<Snapshot> first, last;
+  if (started) {
+    first.emplace(supervisor_, plan_.session.name);
+    running_ns_ = first->time_ns;
+    follow();
+    last.emplace(supervisor_, plan_.session.name);
+    if (bare_) bare_->stop();
+  }
+  progress_.clear();
+  for (const ChildEnd& end : supervisor_.end_all()) fail(end);
+  drain();  // what the nodes published last is still mapped here
+  // A node that was killed could not remove its topics.
+  rtbus::remove_dead(plan_.session.name);
+  if (!started) return kExitFailed;
+  fill_report(*first, *last);
+  return finish();
+}
+
+}  // namespace
+
+int run_session(const RunOptions& options, RunPlan plan) { return Run(options, std::move(plan))(); }
+
+}  // namespace tools

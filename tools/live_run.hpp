@@ -1,0 +1,29 @@
+#pragma once
+/// @file live_run.hpp
+/// One run of a session, from the first process to the last line of the report.
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/run_plan.hpp"
+
+namespace tools {
+
+/// As the user gave them.
+struct RunOptions {
+  std::string file;                      ///< Session file.
+  std::optional<double> duration_s;      ///< None: until Ctrl-C.
+  std::string report;                    ///< "": none is written.
+  std::string plots;                     ///< "": beside the report, if there is one.
+  std::vector<std::string> assignments;  ///< --set.
+  bool no_plots = false;
+  bool no_bare_loop = false;
+  bool json = false;
+  bool quiet = false;
+};
+
+/// Starts what the plan says, follows it for the duration or until Ctrl-C, ends it in order, reports.
+/// @returns the exit status: 0 when every node did what it should.
+[[nodiscard]] int run_session(const RunOptions& options, RunPlan plan);
+
+}  // namespace tools
