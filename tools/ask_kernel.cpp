@@ -71,9 +71,12 @@ std::string ask_hypervisor() {
   std::memcpy(signature, &ebx, 4);
   std::memcpy(signature + 4, &ecx, 4);
   std::memcpy(signature + 8, &edx, 4);
-  constexpr std::pair<std::string_view, const char*> kKnown[] = {
-      {"KVMKVMKVM", "KVM"},   {"VMwareVMware", "VMware"},        {"VBoxVBoxVBox", "VirtualBox"},
-      {"XenVMMXenVMM", "Xen"}, {"Microsoft Hv", "Microsoft Hyper-V"}, {"TCGTCGTCGTCG", "QEMU without KVM"}};
+  constexpr std::pair<std::string_view, const char*> kKnown[] = {{"KVMKVMKVM", "KVM"},
+                                                                 {"VMwareVMware", "VMware"},
+                                                                 {"VBoxVBoxVBox", "VirtualBox"},
+                                                                 {"XenVMMXenVMM", "Xen"},
+                                                                 {"Microsoft Hv", "Microsoft Hyper-V"},
+                                                                 {"TCGTCGTCGTCG", "QEMU without KVM"}};
   for (const auto& [text, name] : kKnown) {
     if (text == signature) return name;
   }
@@ -130,7 +133,8 @@ MachineFacts ask_machine() {
   facts.cores = static_cast<unsigned>(std::max(0L, ::sysconf(_SC_NPROCESSORS_ONLN)));
   cpu_set_t usable;
   CPU_ZERO(&usable);
-  if (::sched_getaffinity(0, sizeof usable, &usable) == 0) facts.usable_cores = static_cast<unsigned>(CPU_COUNT(&usable));
+  if (::sched_getaffinity(0, sizeof usable, &usable) == 0)
+    facts.usable_cores = static_cast<unsigned>(CPU_COUNT(&usable));
   facts.kernel = std::string(uts.sysname) + " " + uts.release;
   facts.preemption = ask_preemption(uts.version);
   facts.virtualization = ask_virtualization();

@@ -29,12 +29,12 @@ struct MachineFacts {
 
 /// What realtime threads of this user may do, before anybody tries.
 struct RealtimeLimits {
-  std::uint64_t rtprio = 0;               ///< RLIMIT_RTPRIO, soft: highest SCHED_FIFO priority without a capability.
-  std::uint64_t memlock_bytes = 0;        ///< RLIMIT_MEMLOCK, soft; UINT64_MAX: unlimited.
-  bool cap_sys_nice = false;              ///< Effective CAP_SYS_NICE: any priority whatever the limit says.
-  bool cap_ipc_lock = false;              ///< Effective CAP_IPC_LOCK: any amount of locked memory.
-  std::optional<long> rt_runtime_us;      ///< kernel.sched_rt_runtime_us; −1: no throttling. nullopt: not told.
-  std::optional<long> rt_period_us;       ///< kernel.sched_rt_period_us.
+  std::uint64_t rtprio = 0;           ///< RLIMIT_RTPRIO, soft: highest SCHED_FIFO priority without a capability.
+  std::uint64_t memlock_bytes = 0;    ///< RLIMIT_MEMLOCK, soft; UINT64_MAX: unlimited.
+  bool cap_sys_nice = false;          ///< Effective CAP_SYS_NICE: any priority whatever the limit says.
+  bool cap_ipc_lock = false;          ///< Effective CAP_IPC_LOCK: any amount of locked memory.
+  std::optional<long> rt_runtime_us;  ///< kernel.sched_rt_runtime_us; −1: no throttling. nullopt: not told.
+  std::optional<long> rt_period_us;   ///< kernel.sched_rt_period_us.
 };
 [[nodiscard]] RealtimeLimits ask_limits();
 

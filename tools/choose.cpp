@@ -69,7 +69,7 @@ rtbus::Result<std::string, Refusal> choose_session(std::span<const TopicInfo> to
       return Failure{Refusal{"--session '" + *wanted + "': a session name has 1 to 32 characters of a-z 0-9 _ -"}};
     }
     return Failure{Refusal{"there is no session '" + *wanted + "'" +
-                           (all.empty() ? std::string("; nothing is running") : "; there is: " + join(all)),
+                               (all.empty() ? std::string("; nothing is running") : "; there is: " + join(all)),
                            all.empty() ? 1 : 2}};
   }
   if (live.size() == 1) return live.front();
@@ -78,7 +78,7 @@ rtbus::Result<std::string, Refusal> choose_session(std::span<const TopicInfo> to
   }
   if (!all.empty()) {
     return Failure{Refusal{"no session is live; dead segments are left of: " + join(all) +
-                           " (look at them with --session NAME, remove them with `rtbus clean`)",
+                               " (look at them with --session NAME, remove them with `rtbus clean`)",
                            1}};
   }
   return Failure{Refusal{"no session is running; start one, for example with `rtbus run config/wall.yaml`", 1}};
@@ -109,7 +109,8 @@ rtbus::Result<Choice, Refusal> choose(const std::optional<std::string>& wanted_s
   if (!session) return Failure{session.error()};
   std::erase_if(topics, [&](const TopicInfo& info) { return info.session != *session; });
   auto topic = choose_topic(topics, typed_topic);
-  if (!topic) return Failure{Refusal{"session '" + *session + "': " + topic.error().message, topic.error().exit_status}};
+  if (!topic)
+    return Failure{Refusal{"session '" + *session + "': " + topic.error().message, topic.error().exit_status}};
   Choice choice;
   choice.session.name = *session;
   choice.topic = *topic;

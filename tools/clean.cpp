@@ -74,8 +74,10 @@ void print(const CleanOptions& options, const rtbus::RemovedTopics& removed, con
 }
 
 void print_json(const CleanOptions& options, const rtbus::RemovedTopics& removed, const std::vector<Kept>& kept) {
-  nlohmann::ordered_json report = {{"schema", "rtbus-clean/1"}, {"dry_run", options.dry_run},
-                                   {"removed", removed.names}, {"bytes", removed.bytes},
+  nlohmann::ordered_json report = {{"schema", "rtbus-clean/1"},
+                                   {"dry_run", options.dry_run},
+                                   {"removed", removed.names},
+                                   {"bytes", removed.bytes},
                                    {"left", nlohmann::ordered_json::array()}};
   for (const Kept& entry : kept) {
     report["left"].push_back({{"name", entry.name}, {"live", entry.live}, {"reason", entry.reason}});
@@ -85,7 +87,8 @@ void print_json(const CleanOptions& options, const rtbus::RemovedTopics& removed
 
 int clean(const CleanOptions& options) {
   if (options.session && !rtbus::Session::valid_name(*options.session)) {
-    std::cerr << "rtbus clean: --session '" << *options.session << "': a session name has 1 to 32 characters of a-z 0-9 _ -\n";
+    std::cerr << "rtbus clean: --session '" << *options.session
+              << "': a session name has 1 to 32 characters of a-z 0-9 _ -\n";
     return kExitUsage;
   }
   const std::optional<std::string_view> session = options.session;

@@ -73,14 +73,17 @@ nlohmann::ordered_json to_json(const DoctorFacts& facts, const std::vector<Check
                        {"virtualization", machine.virtualization},
                        {"realtime", facts.wakeup.grant.summary()}};
   const WakeupFigures& wakeup = facts.wakeup;
-  report["wakeup_latency_us"] = {{"p50", wakeup.p50_us}, {"p99", wakeup.p99_us}, {"p999", wakeup.p999_us},
-                                 {"max", wakeup.max_us}};
+  report["wakeup_latency_us"] = {
+      {"p50", wakeup.p50_us}, {"p99", wakeup.p99_us}, {"p999", wakeup.p999_us}, {"max", wakeup.max_us}};
   report["cycles"] = {{"due", wakeup.due}, {"served", wakeup.served}, {"overruns", wakeup.overruns}};
   report["clock_ns"] = facts.clock_ns;
   report["checks"] = nlohmann::ordered_json::array();
   for (const Check& check : checks) {
-    report["checks"].push_back({{"id", check.id}, {"status", to_string(check.health)}, {"what", check.what},
-                                {"measured", check.measured}, {"remedy", check.remedy}});
+    report["checks"].push_back({{"id", check.id},
+                                {"status", to_string(check.health)},
+                                {"what", check.what},
+                                {"measured", check.measured},
+                                {"remedy", check.remedy}});
   }
   return report;
 }

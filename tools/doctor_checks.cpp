@@ -30,7 +30,8 @@ Check check_fifo(const DoctorFacts& facts) {
 
 Check check_rtprio(const DoctorFacts& facts) {
   Check check{"rtprio", Health::kOk, "rtprio limit", "", ""};
-  check.measured = std::to_string(facts.limits.rtprio) + (facts.limits.cap_sys_nice ? ", not needed with CAP_SYS_NICE" : "");
+  check.measured =
+      std::to_string(facts.limits.rtprio) + (facts.limits.cap_sys_nice ? ", not needed with CAP_SYS_NICE" : "");
   constexpr std::uint64_t kPriority = 80;  // what a haptic node asks for unless configured otherwise
   if (facts.limits.cap_sys_nice || facts.limits.rtprio >= kPriority) return check;
   check.health = Health::kWarn;  // the failure itself is check_fifo's
@@ -62,8 +63,9 @@ Check check_dma_latency(const DoctorFacts& facts) {
   if (facts.wakeup.grant.dma_latency_held) return check;
   check.health = Health::kWarn;
   check.measured = "not writable: the CPU may sleep deeply between cycles";
-  check.remedy = "as root: chgrp realtime /dev/cpu_dma_latency; chmod g+w /dev/cpu_dma_latency (a udev rule keeps it: "
-                 "KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\")";
+  check.remedy =
+      "as root: chgrp realtime /dev/cpu_dma_latency; chmod g+w /dev/cpu_dma_latency (a udev rule keeps it: "
+      "KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\")";
   return check;
 }
 
@@ -96,7 +98,8 @@ Check check_governor(const DoctorFacts& facts) {
 }
 
 Check check_preemption(const DoctorFacts& facts) {
-  Check check{"preemption", Health::kOk, "kernel preemption", facts.machine.preemption + " (" + facts.machine.kernel + ")", ""};
+  Check check{"preemption", Health::kOk, "kernel preemption",
+              facts.machine.preemption + " (" + facts.machine.kernel + ")", ""};
   if (facts.machine.preemption == "PREEMPT_RT") return check;
   check.health = Health::kWarn;
   check.remedy = facts.machine.preemption == "PREEMPT_DYNAMIC"
@@ -109,7 +112,8 @@ Check check_preemption(const DoctorFacts& facts) {
 Check check_cores(const DoctorFacts& facts) {
   const MachineFacts& machine = facts.machine;
   Check check{"cores", Health::kOk, "cores", "", ""};
-  check.measured = std::to_string(machine.usable_cores) + " usable of " + std::to_string(machine.cores) + ", " + machine.cpu;
+  check.measured =
+      std::to_string(machine.usable_cores) + " usable of " + std::to_string(machine.cores) + ", " + machine.cpu;
   if (machine.usable_cores >= 2) return check;
   check.health = Health::kWarn;
   check.remedy = "physics and haptics share one core: give this machine or container a second one";
@@ -132,8 +136,9 @@ Check check_clock(const DoctorFacts& facts) {
   if (facts.clock_ns < kSystemCall_ns) return check;
   check.health = Health::kWarn;
   check.measured += ": each reading is a system call";
-  check.remedy = "boot with clocksource=tsc tsc=reliable (see /sys/devices/system/clocksource/clocksource0/"
-                 "available_clocksource)";
+  check.remedy =
+      "boot with clocksource=tsc tsc=reliable (see /sys/devices/system/clocksource/clocksource0/"
+      "available_clocksource)";
   return check;
 }
 
@@ -154,8 +159,9 @@ Check check_shm(const DoctorFacts& facts) {
     check.remedy = "as root: mount -o remount,rw,size=50% /dev/shm; in a container: --shm-size=1g";
   } else if (facts.shm->type != "tmpfs" || facts.shm->free_bytes < kComfortable_bytes) {
     check.health = Health::kWarn;
-    check.remedy = facts.shm->type != "tmpfs" ? "mount a tmpfs there: a disk behind it may stop the loop"
-                                              : "as root: mount -o remount,size=50% /dev/shm; in a container: --shm-size=1g";
+    check.remedy = facts.shm->type != "tmpfs"
+                       ? "mount a tmpfs there: a disk behind it may stop the loop"
+                       : "as root: mount -o remount,size=50% /dev/shm; in a container: --shm-size=1g";
   }
   return check;
 }
@@ -180,7 +186,8 @@ Check check_wakeup(const DoctorFacts& facts) {
   const double skipped = wakeup.due > 0 ? static_cast<double>(wakeup.overruns) / static_cast<double>(wakeup.due) : 1.0;
   if (wakeup.served == 0 || wakeup.p99_us >= 1000.0 || skipped > 0.01) {
     check.health = Health::kFail;
-    check.remedy = "more than one tick in a hundred comes a period late; repair what is marked above, end heavy processes";
+    check.remedy =
+        "more than one tick in a hundred comes a period late; repair what is marked above, end heavy processes";
   } else if (wakeup.p99_us >= 100.0 || wakeup.max_us >= 1000.0) {
     check.health = Health::kWarn;
     check.remedy = "late ticks can be felt with stiff walls; repair what is marked above, first [fail], then [warn]";
@@ -207,17 +214,20 @@ Check check_stale(const DoctorFacts& facts) {
 }  // namespace
 
 std::vector<Check> judge(const DoctorFacts& facts) {
-  return {check_fifo(facts),       check_rtprio(facts),    check_memlock(facts), check_mlockall(facts),
+  return {check_fifo(facts),        check_rtprio(facts),     check_memlock(facts),  check_mlockall(facts),
           check_dma_latency(facts), check_throttling(facts), check_governor(facts), check_preemption(facts),
-          check_cores(facts),      check_isolation(facts), check_clock(facts),   check_shm(facts),
-          check_virtual(facts),    check_stale(facts),     check_wakeup(facts)};
+          check_cores(facts),       check_isolation(facts),  check_clock(facts),    check_shm(facts),
+          check_virtual(facts),     check_stale(facts),      check_wakeup(facts)};
 }
 
 const char* to_string(Health health) noexcept {
   switch (health) {
-    case Health::kOk: return "ok";
-    case Health::kWarn: return "warn";
-    case Health::kFail: return "fail";
+    case Health::kOk:
+      return "ok";
+    case Health::kWarn:
+      return "warn";
+    case Health::kFail:
+      return "fail";
   }
   return "?";
 }

@@ -20,7 +20,7 @@ enum class Health : std::uint8_t {
 };
 
 struct Check {
-  std::string id;        ///< Stable, for scripts: "sched_fifo".
+  std::string id;  ///< Stable, for scripts: "sched_fifo".
   Health health = Health::kOk;
   std::string what;      ///< "SCHED_FIFO for this user".
   std::string measured;  ///< What was found, with unit.

@@ -44,7 +44,8 @@ class Echo {
     const bool left_behind = !reader_->writer_alive();
     if (left_behind) {
       std::cerr << "rtbus: the writer of " << choice_.topic << " is gone; showing what it left\n";
-      if (options_.in_order() && !open(true)) return fail(rtbus::to_string(error_));  // what it left begins at the oldest
+      if (options_.in_order() && !open(true))
+        return fail(rtbus::to_string(error_));  // what it left begins at the oldest
     }
     const std::uint64_t begin_ns = rtbus::monotonic_ns();
     last_fresh_ns_ = begin_ns;
@@ -168,12 +169,14 @@ int echo(const EchoOptions& options) {
 
 Action add_echo(CLI::App& command) {
   auto options = std::make_shared<EchoOptions>();
-  command.add_option("TOPIC", options->topic, "Name, its beginning or a part of it, as long as it is unique")->required();
+  command.add_option("TOPIC", options->topic, "Name, its beginning or a part of it, as long as it is unique")
+      ->required();
   command.add_option("-s,--session", options->session, "Session; not needed while only one is live");
   auto* const json = command.add_flag("--json", options->json, "One JSON object per line");
   command.add_flag("--csv", options->csv, "CSV with the header `name [unit]`")->excludes(json);
-  auto* const latest = command.add_flag("--latest", options->latest, "The newest sample, --rate times a second "
-                                                                     "(default, without --json and --csv)");
+  auto* const latest = command.add_flag("--latest", options->latest,
+                                        "The newest sample, --rate times a second "
+                                        "(default, without --json and --csv)");
   command.add_flag("--all", options->all, "Every sample in order (default with --json and --csv)")->excludes(latest);
   command.add_option("--rate", options->rate_hz, "Samples a second with --latest [Hz]")
       ->check(CLI::Range(0.01, 1000.0))

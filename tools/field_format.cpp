@@ -22,7 +22,8 @@ std::string short_text(const FieldValue& value) {
     std::snprintf(text, sizeof text, "%.6g", *number);
     return text;
   }
-  if (const auto* const text = std::get_if<std::string>(&value)) return json_line(*text);  // quoted as YAML wants it too
+  if (const auto* const text = std::get_if<std::string>(&value))
+    return json_line(*text);  // quoted as YAML wants it too
   return rtbus::to_text(value);
 }
 
@@ -41,11 +42,13 @@ nlohmann::ordered_json json_value(const FieldValue& value) {
 /// "position_m[1]" → its element 1, as a field of its own; false when it does not name one.
 bool element_of(const Field& field, std::string_view wanted, Field& out) {
   const std::size_t bracket = wanted.find('[');
-  if (bracket == std::string_view::npos || wanted.substr(0, bracket) != field.name || !wanted.ends_with(']')) return false;
+  if (bracket == std::string_view::npos || wanted.substr(0, bracket) != field.name || !wanted.ends_with(']'))
+    return false;
   const std::string_view digits = wanted.substr(bracket + 1, wanted.size() - bracket - 2);
   std::uint32_t index = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), index);
-  if (error != std::errc{} || end != digits.data() + digits.size() || index >= rtbus::field_elements(field)) return false;
+  if (error != std::errc{} || end != digits.data() + digits.size() || index >= rtbus::field_elements(field))
+    return false;
   out = field;
   if (field.type != rtbus::FieldType::kText) {
     out.name = wanted;
@@ -136,7 +139,8 @@ nlohmann::ordered_json json_sample(const RawSample& sample, const FieldList& fie
       continue;
     }
     auto elements = nlohmann::ordered_json::array();
-    for (std::uint32_t i = 0; i < count; ++i) elements.push_back(json_value(rtbus::field_value(sample.bytes, field, i)));
+    for (std::uint32_t i = 0; i < count; ++i)
+      elements.push_back(json_value(rtbus::field_value(sample.bytes, field, i)));
     object[field.name] = std::move(elements);
   }
   return object;

@@ -28,15 +28,19 @@ struct HzOptions {
 };
 
 nlohmann::ordered_json to_json(const IntervalStats& stats) {
-  return {{"rate_hz", stats.rate_hz()},         {"intervals", stats.intervals()},
-          {"period_us", {{"mean", stats.mean_s() * 1e6}, {"min", stats.min_s() * 1e6}, {"max", stats.max_s() * 1e6},
-                         {"std", stats.jitter_s() * 1e6}}},
+  return {{"rate_hz", stats.rate_hz()},
+          {"intervals", stats.intervals()},
+          {"period_us",
+           {{"mean", stats.mean_s() * 1e6},
+            {"min", stats.min_s() * 1e6},
+            {"max", stats.max_s() * 1e6},
+            {"std", stats.jitter_s() * 1e6}}},
           {"missed", stats.missed()}};
 }
 
 void print_row(const char* label, const IntervalStats& stats) {
-  std::printf("%8s %11.3f %11.1f %11.1f %11.1f %8llu\n", label, stats.rate_hz(), stats.min_s() * 1e6, stats.max_s() * 1e6,
-              stats.jitter_s() * 1e6, static_cast<unsigned long long>(stats.missed()));
+  std::printf("%8s %11.3f %11.1f %11.1f %11.1f %8llu\n", label, stats.rate_hz(), stats.min_s() * 1e6,
+              stats.max_s() * 1e6, stats.jitter_s() * 1e6, static_cast<unsigned long long>(stats.missed()));
   std::fflush(stdout);
 }
 
@@ -111,7 +115,8 @@ int measure(const HzOptions& options, const Choice& choice) {
 
 Action add_hz(CLI::App& command) {
   auto options = std::make_shared<HzOptions>();
-  command.add_option("TOPIC", options->topic, "Name, its beginning or a part of it, as long as it is unique")->required();
+  command.add_option("TOPIC", options->topic, "Name, its beginning or a part of it, as long as it is unique")
+      ->required();
   command.add_option("-s,--session", options->session, "Session; not needed while only one is live");
   command.add_option("-n,--count", options->count, "End after so many samples")->check(CLI::Range(2.0, 1e12));
   command.add_option("-d,--duration", options->duration_s, "End after so many seconds (without either: Ctrl-C)")

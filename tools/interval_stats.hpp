@@ -35,7 +35,7 @@ class IntervalStats {
     samples_ = before.samples_ > 0 ? 1 : 0;
   }
 
-  [[nodiscard]] std::uint64_t samples() const noexcept { return samples_; }     ///< Fed, in a window the one before too.
+  [[nodiscard]] std::uint64_t samples() const noexcept { return samples_; }  ///< Fed, in a window the one before too.
   [[nodiscard]] std::uint64_t intervals() const noexcept { return intervals_; }  ///< Between neighbours.
   [[nodiscard]] std::uint64_t missed() const noexcept { return missed_; }        ///< Numbers that were jumped over.
   /// Samples published per second [Hz], those missed included; 0 before two samples.

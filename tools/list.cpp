@@ -13,8 +13,8 @@
 #include "tools/choose.hpp"
 #include "tools/command.hpp"
 #include "tools/field_format.hpp"
-#include "tools/topic_rate.hpp"
 #include "tools/text_table.hpp"
+#include "tools/topic_rate.hpp"
 
 namespace tools {
 
@@ -43,13 +43,20 @@ std::string rate_text(const Row& row) {
 
 const char* type_text(rtbus::FieldType type) {
   switch (type) {
-    case rtbus::FieldType::kF64: return "f64";
-    case rtbus::FieldType::kU64: return "u64";
-    case rtbus::FieldType::kI64: return "i64";
-    case rtbus::FieldType::kU32: return "u32";
-    case rtbus::FieldType::kI32: return "i32";
-    case rtbus::FieldType::kU8: return "u8";
-    case rtbus::FieldType::kText: return "text";
+    case rtbus::FieldType::kF64:
+      return "f64";
+    case rtbus::FieldType::kU64:
+      return "u64";
+    case rtbus::FieldType::kI64:
+      return "i64";
+    case rtbus::FieldType::kU32:
+      return "u32";
+    case rtbus::FieldType::kI32:
+      return "i32";
+    case rtbus::FieldType::kU8:
+      return "u8";
+    case rtbus::FieldType::kText:
+      return "text";
   }
   return "?";
 }
@@ -64,8 +71,14 @@ void print_session(const std::string& name, const std::vector<const Row*>& rows,
   std::printf("session %s: %s, %zu topic%s, %s\n", name.c_str(), live ? "live" : "dead", rows.size(),
               rows.size() == 1 ? "" : "s", human_bytes(bytes).c_str());
   using enum TextTable::Align;
-  TextTable table({{"TOPIC", kLeft}, {"TYPE", kLeft}, {"SAMPLE B", kRight}, {"SLOTS", kRight}, {"PUBLISHED", kRight},
-                   {"RATE Hz", kRight}, {"WRITER", kLeft}, {"SIZE", kRight}});
+  TextTable table({{"TOPIC", kLeft},
+                   {"TYPE", kLeft},
+                   {"SAMPLE B", kRight},
+                   {"SLOTS", kRight},
+                   {"PUBLISHED", kRight},
+                   {"RATE Hz", kRight},
+                   {"WRITER", kLeft},
+                   {"SIZE", kRight}});
   for (const Row* const row : rows) {
     const rtbus::TopicInfo& info = row->info;
     if (!info.problem.empty()) continue;
@@ -108,7 +121,8 @@ nlohmann::ordered_json to_json(const Row& row) {
   topic["writer"] = {{"pid", info.writer_pid}, {"alive", info.writer_alive}, {"epoch", info.epoch}};
   auto fields = nlohmann::ordered_json::array();
   for (const auto& field : info.fields) {
-    fields.push_back({{"name", field.name}, {"unit", field.unit}, {"type", type_text(field.type)}, {"count", field.count}});
+    fields.push_back(
+        {{"name", field.name}, {"unit", field.unit}, {"type", type_text(field.type)}, {"count", field.count}});
   }
   topic["fields"] = std::move(fields);
   return topic;

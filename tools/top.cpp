@@ -71,11 +71,16 @@ class Screen {
  private:
   static attr_t attributes_of(Tone tone) {
     switch (tone) {
-      case Tone::kPlain: return A_NORMAL;
-      case Tone::kHeading: return A_BOLD;
-      case Tone::kWarn: return static_cast<attr_t>(A_BOLD | COLOR_PAIR(1));
-      case Tone::kBad: return static_cast<attr_t>(A_BOLD | COLOR_PAIR(2));
-      case Tone::kDim: return A_DIM;
+      case Tone::kPlain:
+        return A_NORMAL;
+      case Tone::kHeading:
+        return A_BOLD;
+      case Tone::kWarn:
+        return static_cast<attr_t>(A_BOLD | COLOR_PAIR(1));
+      case Tone::kBad:
+        return static_cast<attr_t>(A_BOLD | COLOR_PAIR(2));
+      case Tone::kDim:
+        return A_DIM;
     }
     return A_NORMAL;
   }

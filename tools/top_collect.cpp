@@ -82,9 +82,8 @@ void TopCollector::add_nodes(TopSnapshot& snapshot) {
     const std::optional<rtbus::NodeInfo> info = value_of(node->info.newest());
     node->loop_stats.drain([&](const auto& sample) { node->recent.push_back(sample); });
     // A restarted node counts from zero again: what was before says nothing about it.
-    const auto restart = std::adjacent_find(node->recent.rbegin(), node->recent.rend(), [](const auto& a, const auto& b) {
-      return a.value.ticks < b.value.ticks;
-    });
+    const auto restart = std::adjacent_find(node->recent.rbegin(), node->recent.rend(),
+                                            [](const auto& a, const auto& b) { return a.value.ticks < b.value.ticks; });
     if (restart != node->recent.rend()) node->recent.erase(node->recent.begin(), (restart + 1).base());
     const bool haptic = info ? text_of(info->role) == "haptic" : !node->recent.empty();
     if (!haptic) {
@@ -93,7 +92,8 @@ void TopCollector::add_nodes(TopSnapshot& snapshot) {
     }
     HapticView view{name, life, info, std::nullopt, value_of(node->device_state.newest()), std::nullopt, std::nullopt};
     auto& recent = node->recent;
-    while (recent.size() > 2 && recent.back().stamp_ns - recent.front().stamp_ns > kForceWindow_ns) recent.erase(recent.begin());
+    while (recent.size() > 2 && recent.back().stamp_ns - recent.front().stamp_ns > kForceWindow_ns)
+      recent.erase(recent.begin());
     if (!recent.empty()) {
       view.stats = recent.back().value;
       view.force_n = force_between(recent.front().value, recent.back().value);
@@ -109,7 +109,8 @@ void TopCollector::add_topics(TopSnapshot& snapshot, const std::vector<rtbus::To
     const auto [entry, first] = counts_.try_emplace(info.topic);
     Count& count = entry->second;
     if (first || info.published < count.published) {
-      count = {info.published, now_ns, info.problem.empty() ? recent_rate(info.session, info.topic).rate_hz : std::nullopt};
+      count = {info.published, now_ns,
+               info.problem.empty() ? recent_rate(info.session, info.topic).rate_hz : std::nullopt};
     } else if (now_ns - count.at_ns >= kRateWindow_ns) {
       const double elapsed_s = rtbus::seconds_between(count.at_ns, now_ns);
       count = {info.published, now_ns, static_cast<double>(info.published - count.published) / elapsed_s};

@@ -1,7 +1,7 @@
 #pragma once
 /// @file top_collect.hpp
-/// Gathers what `rtbus top` shows, again and again, while nodes come and go. Reads only; the full-rate telemetry is left
-/// alone, so that watching costs the loops nothing.
+/// Gathers what `rtbus top` shows, again and again, while nodes come and go. Reads only; the full-rate telemetry is
+/// left alone, so that watching costs the loops nothing.
 #include <cstdint>
 #include <map>
 #include <memory>

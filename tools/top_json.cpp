@@ -12,8 +12,11 @@ Json or_null(const std::optional<T>& value) {
 }
 
 Json life_json(const NodeLife& life) {
-  return {{"state", life_text(life)}, {"alive", life_text(life) == "alive"}, {"writer_alive", life.writer_alive},
-          {"heartbeat_age_s", or_null(life.heartbeat_age_s)}, {"pid", life.pid}};
+  return {{"state", life_text(life)},
+          {"alive", life_text(life) == "alive"},
+          {"writer_alive", life.writer_alive},
+          {"heartbeat_age_s", or_null(life.heartbeat_age_s)},
+          {"pid", life.pid}};
 }
 
 Json stats_json(const rtbus::LoopStats& s) {
@@ -23,14 +26,21 @@ Json stats_json(const rtbus::LoopStats& s) {
   json["ticks"] = s.ticks;
   json["ticks_due"] = s.ticks_due;
   json["overruns"] = s.overruns;
-  json["wakeup_latency_us"] = {{"p50", s.wakeup_p50_us}, {"p99", s.wakeup_p99_us}, {"p999", s.wakeup_p999_us}, {"max", s.wakeup_max_us}};
+  json["wakeup_latency_us"] = {
+      {"p50", s.wakeup_p50_us}, {"p99", s.wakeup_p99_us}, {"p999", s.wakeup_p999_us}, {"max", s.wakeup_max_us}};
   json["compute_us"] = {{"p50", s.compute_p50_us}, {"p99", s.compute_p99_us}, {"max", s.compute_max_us}};
   json["device_us"] = {{"p50", s.device_p50_us}, {"p99", s.device_p99_us}, {"max", s.device_max_us}};
   json["proxy_age_ms"] = {{"p50", s.proxy_age_p50_ms}, {"p99", s.proxy_age_p99_ms}, {"max", s.proxy_age_max_ms}};
   json["energy_j"] = {{"absorbed", s.energy_absorbed_j}, {"injected", s.energy_injected_j}};
-  json["safety"] = {{"clamped", s.clamped}, {"slew_limited", s.slew_limited}, {"stale_ticks", s.stale_ticks},
-                    {"nonfinite", s.nonfinite}, {"overspeed", s.overspeed}, {"thermal_limited", s.thermal_limited},
-                    {"passivity_ticks", s.passivity_ticks}, {"device_lost", s.device_lost}, {"losses", s.losses}};
+  json["safety"] = {{"clamped", s.clamped},
+                    {"slew_limited", s.slew_limited},
+                    {"stale_ticks", s.stale_ticks},
+                    {"nonfinite", s.nonfinite},
+                    {"overspeed", s.overspeed},
+                    {"thermal_limited", s.thermal_limited},
+                    {"passivity_ticks", s.passivity_ticks},
+                    {"device_lost", s.device_lost},
+                    {"losses", s.losses}};
   return json;
 }
 
@@ -46,7 +56,9 @@ Json haptic_json(const HapticView& view) {
   }
   if (view.stats) json.update(stats_json(*view.stats));
   if (view.stats) {
-    json["force_n"] = {{"now", or_null(view.force_n)}, {"rms", view.stats->force_rms_n}, {"peak", view.stats->force_peak_n},
+    json["force_n"] = {{"now", or_null(view.force_n)},
+                       {"rms", view.stats->force_rms_n},
+                       {"peak", view.stats->force_peak_n},
                        {"limit", view.info ? Json(view.info->force_limit_n) : Json(nullptr)}};
     json["last_loss_age_s"] = or_null(view.loss_age_s);
   }
@@ -73,7 +85,8 @@ Json physics_json(const PhysicsView& view) {
     json["steps"] = view.stats->steps;
     json["late"] = view.stats->late;
     json["simulated_s"] = view.stats->simulated_s;
-    json["step_ms"] = {{"p50", view.stats->step_p50_ms}, {"p99", view.stats->step_p99_ms}, {"max", view.stats->step_max_ms}};
+    json["step_ms"] = {
+        {"p50", view.stats->step_p50_ms}, {"p99", view.stats->step_p99_ms}, {"max", view.stats->step_max_ms}};
   }
   return json;
 }
@@ -88,8 +101,11 @@ nlohmann::ordered_json top_json(const TopSnapshot& snapshot) {
   for (const PhysicsView& view : snapshot.physics) json["physics"].push_back(physics_json(view));
   json["topics"] = Json::array();
   for (const TopicView& topic : snapshot.topics) {
-    json["topics"].push_back({{"name", topic.name}, {"rate_hz", or_null(topic.rate_hz)}, {"published", topic.published},
-                              {"writer_pid", topic.writer_pid}, {"writer_alive", topic.writer_alive},
+    json["topics"].push_back({{"name", topic.name},
+                              {"rate_hz", or_null(topic.rate_hz)},
+                              {"published", topic.published},
+                              {"writer_pid", topic.writer_pid},
+                              {"writer_alive", topic.writer_alive},
                               {"problem", topic.problem.empty() ? Json(nullptr) : Json(topic.problem)}});
   }
   return json;

@@ -1,6 +1,7 @@
 #pragma once
 /// @file top_json.hpp
-/// The snapshot of `rtbus top --once --json`, schema rtbus-top/1. Names and units as in the run report (rtbus-report/1).
+/// The snapshot of `rtbus top --once --json`, schema rtbus-top/1. Names and units as in the run report
+/// (rtbus-report/1).
 #include <nlohmann/json.hpp>
 
 #include "tools/top_view.hpp"

@@ -45,9 +45,7 @@ std::string on_core(const rtbus::NodeInfo& info) {
 std::string bar(double value, double peak, double limit, int width) {
   std::string text(static_cast<std::size_t>(width), '.');
   if (!(limit > 0.0)) return "[" + text + "]";
-  const auto cells = [&](double of) {
-    return std::clamp(static_cast<int>(std::lround(of / limit * width)), 0, width);
-  };
+  const auto cells = [&](double of) { return std::clamp(static_cast<int>(std::lround(of / limit * width)), 0, width); };
   std::fill_n(text.begin(), cells(std::isfinite(value) ? value : limit), '#');
   if (const int mark = cells(std::isfinite(peak) ? peak : limit); mark > 0 && peak > 0.0) {
     text[static_cast<std::size_t>(mark - 1)] = '|';
@@ -58,8 +56,8 @@ std::string bar(double value, double peak, double limit, int width) {
 /// The rungs of the safety ladder that have acted, in ticks.
 std::string safety_text(const rtbus::LoopStats& stats) {
   const std::pair<const char*, std::uint64_t> rungs[] = {
-      {"clamped", stats.clamped},     {"slew", stats.slew_limited},        {"stale", stats.stale_ticks},
-      {"nonfinite", stats.nonfinite}, {"overspeed", stats.overspeed},      {"thermal", stats.thermal_limited},
+      {"clamped", stats.clamped},           {"slew", stats.slew_limited},      {"stale", stats.stale_ticks},
+      {"nonfinite", stats.nonfinite},       {"overspeed", stats.overspeed},    {"thermal", stats.thermal_limited},
       {"passivity", stats.passivity_ticks}, {"device_lost", stats.device_lost}};
   std::string text;
   for (const auto& [name, ticks] : rungs) {
@@ -80,7 +78,8 @@ void add_force(Lines& lines, const HapticView& view) {
 }
 
 void add_timing(Lines& lines, const rtbus::LoopStats& stats) {
-  const double share = stats.ticks_due > 0 ? 100.0 * static_cast<double>(stats.overruns) / static_cast<double>(stats.ticks_due) : 0.0;
+  const double share =
+      stats.ticks_due > 0 ? 100.0 * static_cast<double>(stats.overruns) / static_cast<double>(stats.ticks_due) : 0.0;
   const bool measured = stats.achieved_hz > 0.0;
   const bool slow = measured && stats.achieved_hz < 0.99 * stats.rate_hz;
   lines.push_back({print("  rate      %s of %.0f Hz   ticks %llu   overruns %llu (%.3f %%)",
@@ -93,9 +92,9 @@ void add_timing(Lines& lines, const rtbus::LoopStats& stats) {
 }
 
 void add_proxy_age(Lines& lines, const rtbus::LoopStats& stats) {
-  lines.push_back({print("  proxy age p50 %.2f  p99 %.2f  max %.1f ms   device i/o p50 %.1f p99 %.1f us",
-                         stats.proxy_age_p50_ms, stats.proxy_age_p99_ms, stats.proxy_age_max_ms, stats.device_p50_us,
-                         stats.device_p99_us)});
+  lines.push_back(
+      {print("  proxy age p50 %.2f  p99 %.2f  max %.1f ms   device i/o p50 %.1f p99 %.1f us", stats.proxy_age_p50_ms,
+             stats.proxy_age_p99_ms, stats.proxy_age_max_ms, stats.device_p50_us, stats.device_p99_us)});
 }
 
 void add_position(Lines& lines, const rtbus::DeviceState& device) {
@@ -125,8 +124,7 @@ void add_energy(Lines& lines, const rtbus::LoopStats& stats) {
   // Made energy is what passivity must prevent: say it in words, the sign alone is easily overlooked.
   lines.push_back({print("  energy    %s %.2g J %s the hand, %.2g J removed by the passivity damper",
                          stats.energy_absorbed_j < 0.0 ? "MADE" : "absorbed", std::abs(stats.energy_absorbed_j),
-                         stats.energy_absorbed_j < 0.0 ? "against" : "from",
-                         stats.energy_injected_j),
+                         stats.energy_absorbed_j < 0.0 ? "against" : "from", stats.energy_injected_j),
                    stats.energy_absorbed_j < 0.0 ? Tone::kWarn : Tone::kPlain});
 }
 
@@ -150,15 +148,16 @@ void add_haptic(Lines& lines, const HapticView& view, bool compact) {
 void add_physics(Lines& lines, const PhysicsView& view) {
   std::string head = view.name + "  " + life_text(view.life);
   if (view.info) {
-    head += "  " + text_of(view.info->kind) + "  " + text_of(view.info->clock) + print("  %u bodies", view.info->bodies);
+    head +=
+        "  " + text_of(view.info->kind) + "  " + text_of(view.info->clock) + print("  %u bodies", view.info->bodies);
   }
   lines.push_back({head, tone_of(view.life)});
   if (!view.stats) return;
   const rtbus::StepStats& stats = *view.stats;
   lines.push_back({print("  rate      %.1f of %.0f Hz   steps %llu   late %llu   simulated %.1f s", stats.achieved_hz,
                          stats.rate_hz, count(stats.steps), count(stats.late), stats.simulated_s)});
-  lines.push_back({print("  step      p50 %.3f  p99 %.3f  max %.3f ms", stats.step_p50_ms, stats.step_p99_ms,
-                         stats.step_max_ms)});
+  lines.push_back(
+      {print("  step      p50 %.3f  p99 %.3f  max %.3f ms", stats.step_p50_ms, stats.step_p99_ms, stats.step_max_ms)});
 }
 
 std::string topic_cell(const TopicView& topic, int name_width) {
@@ -206,7 +205,8 @@ void fit(Lines& lines, int width, int height, const char* footer) {
     lines.push_back({footer, Tone::kDim});
   }
   for (ViewLine& line : lines) {
-    if (width > 0 && line.text.size() > static_cast<std::size_t>(width)) line.text.resize(static_cast<std::size_t>(width));
+    if (width > 0 && line.text.size() > static_cast<std::size_t>(width))
+      line.text.resize(static_cast<std::size_t>(width));
   }
 }
 

@@ -13,8 +13,8 @@ namespace tools {
 
 /// Signs of life of a node.
 struct NodeLife {
-  bool writer_alive = false;             ///< Its process holds its topics.
-  std::optional<double> heartbeat_age_s; ///< Since the newest heartbeat; none before the first.
+  bool writer_alive = false;              ///< Its process holds its topics.
+  std::optional<double> heartbeat_age_s;  ///< Since the newest heartbeat; none before the first.
   std::uint32_t pid = 0;
 };
 
@@ -28,8 +28,8 @@ struct HapticView {
   std::optional<rtbus::NodeInfo> info;
   std::optional<rtbus::LoopStats> stats;
   std::optional<rtbus::DeviceState> device;
-  std::optional<double> force_n;      ///< RMS of the force over the last fraction of a second.
-  std::optional<double> loss_age_s;   ///< Since physics was last declared lost.
+  std::optional<double> force_n;     ///< RMS of the force over the last fraction of a second.
+  std::optional<double> loss_age_s;  ///< Since physics was last declared lost.
 };
 
 struct PhysicsView {
@@ -49,9 +49,9 @@ struct TopicView {
 };
 
 struct TopSnapshot {
-  std::string session;     ///< Empty: none is running.
-  std::string message;     ///< What to do when there is none, or several.
-  double uptime_s = 0.0;   ///< Since the oldest live writer took its topic.
+  std::string session;    ///< Empty: none is running.
+  std::string message;    ///< What to do when there is none, or several.
+  double uptime_s = 0.0;  ///< Since the oldest live writer took its topic.
   bool paused = false;
   std::vector<HapticView> haptic;
   std::vector<PhysicsView> physics;

@@ -20,8 +20,7 @@ TopicRate judge_rate(const IntervalStats& held, std::uint64_t newest_stamp_ns, s
 TopicRate recent_rate(const std::string& session, const std::string& topic) {
   rtbus::Session where;
   where.name = session;
-  auto reader =
-      rtbus::RawReader::open(where, topic, {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
+  auto reader = rtbus::RawReader::open(where, topic, {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
   if (!reader) return {};
   IntervalStats held;
   // Bounded by the ring as it is now: a writer faster than this loop would otherwise keep it here for ever.

@@ -10,8 +10,9 @@
 namespace tools {
 
 struct TopicRate {
-  std::optional<double> rate_hz;  ///< Over the samples held; 0 when the topic has fallen silent; none before two samples.
-  std::optional<double> age_s;    ///< Since the newest stamp; none when nothing was published.
+  std::optional<double>
+      rate_hz;                  ///< Over the samples held; 0 when the topic has fallen silent; none before two samples.
+  std::optional<double> age_s;  ///< Since the newest stamp; none when nothing was published.
 };
 
 /// Judges samples that were read at `now_ns`. A topic is silent when nothing has come for the longest of 0.2 s, five

@@ -15,10 +15,10 @@ struct WakeupOptions {
 };
 
 struct WakeupFigures {
-  rtbus::RealtimeGrant grant;  ///< What the loop's thread was given.
-  std::uint64_t due = 0;       ///< Periods that passed.
-  std::uint64_t served = 0;    ///< Cycles that ran.
-  std::uint64_t overruns = 0;  ///< Periods skipped; due = served + overruns.
+  rtbus::RealtimeGrant grant;                                      ///< What the loop's thread was given.
+  std::uint64_t due = 0;                                           ///< Periods that passed.
+  std::uint64_t served = 0;                                        ///< Cycles that ran.
+  std::uint64_t overruns = 0;                                      ///< Periods skipped; due = served + overruns.
   double p50_us = 0.0, p99_us = 0.0, p999_us = 0.0, max_us = 0.0;  ///< Wake-up after the deadline.
 };
 

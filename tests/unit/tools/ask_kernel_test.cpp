@@ -22,7 +22,8 @@ TEST(ParseProcessStat, ReadsTimesThreadsAndMemory) {
 }
 
 TEST(ParseProcessStat, IsNotConfusedByBracketsInTheName) {
-  const auto usage = tools::parse_process_stat("7 (a) R (b) T 1 7 7 0 -1 0 0 0 0 0 1 1 0 0 20 0 1 0 5 6 7 8", 100, 4096);
+  const auto usage =
+      tools::parse_process_stat("7 (a) R (b) T 1 7 7 0 -1 0 0 0 0 0 1 1 0 0 20 0 1 0 5 6 7 8", 100, 4096);
   ASSERT_TRUE(usage.has_value());
   EXPECT_EQ(usage->name, "a) R (b");
   EXPECT_EQ(usage->state, 'T');
@@ -44,7 +45,8 @@ TEST(ParseMappedLibraries, TakesEachLibraryOnce) {
 
 TEST(ParseMount, TakesTheLastMountOnExactlyThatPath) {
   const char* const mounts =
-      "tmpfs /dev tmpfs rw 0 0\nnone /dev/shm ext4 ro 0 0\nshm /dev/shm tmpfs rw,nosuid,size=64k 0 0\nx /dev/shm2 ext4 rw 0 0\n";
+      "tmpfs /dev tmpfs rw 0 0\nnone /dev/shm ext4 ro 0 0\nshm /dev/shm tmpfs rw,nosuid,size=64k 0 0\nx /dev/shm2 ext4 "
+      "rw 0 0\n";
   const auto mount = tools::parse_mount(mounts, "/dev/shm");
   ASSERT_TRUE(mount.has_value());
   EXPECT_EQ(mount->type, "tmpfs");

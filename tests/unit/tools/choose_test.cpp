@@ -63,7 +63,9 @@ TEST(ChooseTopic, TakesTheExactNameThoughAnotherBeginsWithIt) {
   EXPECT_EQ(*chosen, "a.force");
 }
 
-TEST(ChooseTopic, CompletesAUniqueBeginning) { EXPECT_EQ(*tools::choose_topic(kLab, "haptic0.d"), "haptic0.device_state"); }
+TEST(ChooseTopic, CompletesAUniqueBeginning) {
+  EXPECT_EQ(*tools::choose_topic(kLab, "haptic0.d"), "haptic0.device_state");
+}
 
 TEST(ChooseTopic, FindsAUniquePart) { EXPECT_EQ(*tools::choose_topic(kLab, "loop_stats"), "haptic0.loop_stats"); }
 
@@ -76,7 +78,8 @@ TEST(ChooseTopic, ListsThePossibilitiesOfAnAmbiguousPart) {
 TEST(ChooseTopic, SuggestsANearNameWithoutItsNode) {
   const auto chosen = tools::choose_topic(kLab, "loopstats");
   ASSERT_FALSE(chosen.has_value());
-  EXPECT_THAT(chosen.error().message, AllOf(HasSubstr("did you mean haptic0.loop_stats"), Not(HasSubstr("device_state"))));
+  EXPECT_THAT(chosen.error().message,
+              AllOf(HasSubstr("did you mean haptic0.loop_stats"), Not(HasSubstr("device_state"))));
 }
 
 TEST(ChooseTopic, ListsEverythingWhenNothingIsNear) {

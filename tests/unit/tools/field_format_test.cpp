@@ -89,7 +89,8 @@ TEST(SelectFields, TakesOneElementOfAField) {
 }
 
 TEST(SelectFields, RefusesAnUnknownNameAndAnElementOutside) {
-  for (const char* const name : {"velocity", "position_m[3]", "position_m[-1]", "position_m[]", "position_m[1", "position_m[1]x"}) {
+  for (const char* const name :
+       {"velocity", "position_m[3]", "position_m[-1]", "position_m[]", "position_m[1", "position_m[1]x"}) {
     const auto fields = tools::select_fields(kFields, {name});
     ASSERT_FALSE(fields.has_value()) << name;
     EXPECT_THAT(fields.error().message, HasSubstr("position_m[0..2], offset, label")) << name;

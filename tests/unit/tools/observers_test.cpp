@@ -1,12 +1,12 @@
 // list, echo, hz, clean and top --once as a user calls them, on a topic whose type no tool was compiled against.
-#include <CLI/CLI.hpp>
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
-#include <fcntl.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <atomic>
 #include <nlohmann/json.hpp>
@@ -156,7 +156,8 @@ TEST_F(Observers, ListShowsTypeFieldsAndLivingWriter) {
   publish(1);
   const Outcome text = call(tools::add_list, with_session("--fields"));
   EXPECT_EQ(text.status, 0);
-  EXPECT_THAT(text.out, AllOf(HasSubstr("test/Reading"), HasSubstr(std::to_string(::getpid()) + " alive"), HasSubstr("force_n")));
+  EXPECT_THAT(text.out,
+              AllOf(HasSubstr("test/Reading"), HasSubstr(std::to_string(::getpid()) + " alive"), HasSubstr("force_n")));
   const auto report = nlohmann::json::parse(call(tools::add_list, with_session("--json")).out);
   const auto& topic = report["sessions"][0]["topics"][0];
   EXPECT_EQ(topic["published"], 1);

@@ -75,8 +75,9 @@ std::string joined(const std::vector<tools::ViewLine>& lines) {
 std::string all(const tools::TopSnapshot& of) { return joined(tools::top_lines(of, 0, 0)); }
 
 class Windows : public testing::TestWithParam<std::pair<int, int>> {};
-INSTANTIATE_TEST_SUITE_P(TopView, Windows, testing::Values(std::pair{80, 24}, std::pair{120, 40}, std::pair{20, 5},
-                                                           std::pair{1, 1}, std::pair{80, 2}));
+INSTANTIATE_TEST_SUITE_P(TopView, Windows,
+                         testing::Values(std::pair{80, 24}, std::pair{120, 40}, std::pair{20, 5}, std::pair{1, 1},
+                                         std::pair{80, 2}));
 
 TEST_P(Windows, AreFilledExactlyAndNeverExceeded) {
   const auto [width, height] = GetParam();
@@ -102,7 +103,9 @@ TEST(TopView, CountsTheTopicsThatFindNoRoom) {
   const std::string text = joined(tools::top_lines(snapshot(1, 40), 80, 24));
   const auto shown = [&] {
     std::size_t found = 0;
-    for (std::size_t at = text.find("haptic0.topic_"); at != std::string::npos; at = text.find("haptic0.topic_", at + 1)) ++found;
+    for (std::size_t at = text.find("haptic0.topic_"); at != std::string::npos;
+         at = text.find("haptic0.topic_", at + 1))
+      ++found;
     return found;
   }();
   EXPECT_GT(shown, 0u);
@@ -152,7 +155,8 @@ TEST(TopView, WarnsOfEnergyThatWasMade) {
   auto of = snapshot();
   of.haptic[0].stats->energy_absorbed_j = -0.5;
   const auto lines = tools::top_lines(of, 0, 0);
-  const auto line = std::find_if(lines.begin(), lines.end(), [](const auto& each) { return each.text.find("MADE 0.5 J") != std::string::npos; });
+  const auto line = std::find_if(lines.begin(), lines.end(),
+                                 [](const auto& each) { return each.text.find("MADE 0.5 J") != std::string::npos; });
   ASSERT_NE(line, lines.end());
   EXPECT_EQ(line->tone, tools::Tone::kWarn);
 }
