@@ -77,9 +77,10 @@ rtbus::Result<std::string, Refusal> choose_session(std::span<const TopicInfo> to
     return Failure{Refusal{"several sessions are live: " + join(live) + "; choose one with --session NAME"}};
   }
   if (!all.empty()) {
-    return Failure{Refusal{"no session is live; dead segments are left of: " + join(all) +
-                               " (look at them with --session NAME, remove them with `rtbus clean`)",
-                           1}};
+    return Failure{
+        Refusal{"no session is live that this user may read; there are segments of: " + join(all) +
+                    " (`rtbus list` says more, `rtbus clean` removes what is dead, --session NAME looks into it)",
+                1}};
   }
   return Failure{Refusal{"no session is running; start one, for example with `rtbus run config/wall.yaml`", 1}};
 }

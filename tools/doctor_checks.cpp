@@ -200,7 +200,7 @@ Check check_stale(const DoctorFacts& facts) {
   std::size_t dead = 0;
   std::uint64_t bytes = 0;
   for (const rtbus::TopicInfo& info : facts.topics) {
-    if (info.writer_alive) continue;
+    if (info.writer_alive || !info.problem.empty()) continue;  // what cannot be read may well be alive
     ++dead;
     bytes += info.segment_bytes;
   }

@@ -57,17 +57,20 @@ Outcome run_gnuplot(const fs::path& folder, std::vector<std::string> arguments) 
   return outcome;
 }
 
-/// The line of gnuplot's complaint that says something: without position marks and blank lines.
+/// What gnuplot said, in one line: without position marks and blank lines.
 std::string complaint(const std::string& output) {
-  std::size_t begin = 0;
-  std::string last = "gnuplot failed without a word";
-  while (begin < output.size()) {
+  std::string text;
+  for (std::size_t begin = 0; begin < output.size();) {
     const std::size_t end = std::min(output.find('\n', begin), output.size());
-    const std::string text = output.substr(begin, end - begin);
-    if (text.find_first_not_of(" \t^") != std::string::npos) last = text;
+    const std::size_t first = output.find_first_not_of(" \t^", begin);
+    if (first != std::string::npos && first < end) {
+      text += (text.empty() ? "" : "; ") + output.substr(first, end - first);
+    }
     begin = end + 1;
   }
-  return last;
+  constexpr std::size_t kLongest = 300;
+  if (text.size() > kLongest) text = text.substr(0, kLongest) + " …";
+  return text.empty() ? "gnuplot failed without a word" : text;
 }
 
 }  // namespace

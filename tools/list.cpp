@@ -62,14 +62,18 @@ const char* type_text(rtbus::FieldType type) {
 }
 
 void print_session(const std::string& name, const std::vector<const Row*>& rows, bool with_fields) {
-  bool live = false;
+  bool live = false, readable = false;
   std::uint64_t bytes = 0;
   for (const Row* const row : rows) {
     live = live || row->info.writer_alive;
+    readable = readable || row->info.problem.empty();
     bytes += row->info.segment_bytes;
   }
-  std::printf("session %s: %s, %zu topic%s, %s\n", name.c_str(), live ? "live" : "dead", rows.size(),
-              rows.size() == 1 ? "" : "s", human_bytes(bytes).c_str());
+  std::printf("session %s: %s, %zu topic%s, %s\n", name.c_str(),
+              live       ? "live"
+              : readable ? "dead"
+                         : "not readable",
+              rows.size(), rows.size() == 1 ? "" : "s", human_bytes(bytes).c_str());
   using enum TextTable::Align;
   TextTable table({{"TOPIC", kLeft},
                    {"TYPE", kLeft},

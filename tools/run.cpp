@@ -38,7 +38,7 @@ int run(const RunOptions& options) {
   }
   if (const std::string who = who_is_live(plan.session.name); !who.empty()) {
     std::fprintf(stderr,
-                 "rtbus run: session %s is live: %s is being written; end it, or choose another name with "
+                 "rtbus run: session %s is live: %s; end it, or choose another name with "
                  "--set session=NAME\n",
                  plan.session.name.c_str(), who.c_str());
     return kExitFailed;

@@ -37,8 +37,8 @@ std::string who_is_live(const std::string& session) {
   for (const rtbus::TopicInfo& topic : rtbus::list_topics(session)) {
     if (!topic.writer_alive) continue;
     const auto process = ask_process(static_cast<pid_t>(topic.writer_pid));
-    return topic.topic + " by " + (process ? process->name : "a process") + " (pid " +
-           std::to_string(topic.writer_pid) + ")";
+    return (process ? process->name : "a process") + " (pid " + std::to_string(topic.writer_pid) + ") writes " +
+           topic.topic;
   }
   return "";
 }

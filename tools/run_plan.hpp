@@ -27,7 +27,7 @@ struct RunPlan {
 /// Throws rtbus::config::Error: one sentence for the user.
 [[nodiscard]] RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& assignments);
 
-/// Who runs the session already: "haptic0.heartbeat by haptic_node (pid 4711)"; empty when nobody does.
+/// Who runs the session already: "haptic_node (pid 4711) writes haptic0.heartbeat"; empty when nobody does.
 [[nodiscard]] std::string who_is_live(const std::string& session);
 
 }  // namespace tools

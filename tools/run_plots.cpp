@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kStyle =
-    "set grid lc rgb '#d8d8d8'\n"
+    "set grid lt 1 lw 0.5 lc rgb '#d0d0d0'\n"
     "set border lc rgb '#606060'\n"
     "set tics nomirror\n"
     "set key top right opaque box lc rgb '#d8d8d8' samplen 2\n"
@@ -148,11 +148,12 @@ Figure wakeup_figure(const RunPlots& plots, const HapticObserver& haptic, const 
 }
 
 /// A cloud of points over time; logarithmic when a few tower over the rest.
-std::string cloud(const std::string& data, int column, double mean, double max, const char* colour, const char* name) {
+std::string cloud(const std::string& using_text, double end_s, double mean, double max, const char* colour) {
   const std::string scale =
       max > 20.0 * mean ? "set logscale y\n" : "set yrange [0:" + format("%.6g", std::max(1.1 * max, 1e-6)) + "]\n";
-  return scale + "plot " + data + " using 1:" + std::to_string(column) + " with points pt 7 ps 0.25 lc rgb '" + colour +
-         "' title '" + name + "'\n";
+  return scale + "set xrange [0:" + format("%.6g", std::max(end_s, 1e-3)) +
+         "]\nset xlabel 'time [s]'\nunset key\nplot " + using_text + " with points pt 7 ps 0.25 lc rgb '" + colour +
+         "'\n";
 }
 
 template <class Row>
@@ -166,13 +167,14 @@ std::pair<double, double> mean_and_max(std::span<const Row> rows, double Row::*m
 }
 
 Figure age_figure(const RunPlots& plots, const HapticObserver& haptic) {
-  const auto [mean, max] = mean_and_max(haptic.motion().rows(), &MotionRow::proxy_age_ms);
+  const std::span<const MotionRow> rows = haptic.motion().rows();
+  const auto [mean, max] = mean_and_max(rows, &MotionRow::proxy_age_ms);
   Figure figure{"proxy_age_" + haptic.config().name, kStyle, 1200, 500};
   // The data are a column of the motion's.
-  figure.body +=
-      "set title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\nset xlabel 'time [s]'\n" +
-      "set ylabel 'age of the proxy at its use [ms]'\n" +
-      cloud(gnuplot_quoted("motion_" + haptic.config().name + ".tsv"), 14, mean, max, "#1b7837", "proxy age");
+  figure.body += "set title " + gnuplot_quoted(title(plots, haptic)) +
+                 " noenhanced\nset ylabel 'age of the proxy at its use [ms]'\n" +
+                 cloud(gnuplot_quoted("motion_" + haptic.config().name + ".tsv") + " using 1:14", rows.back().time_s,
+                       mean, max, "#1b7837");
   return figure;
 }
 
@@ -182,10 +184,12 @@ Figure step_figure(const RunPlots& plots, const HapticObserver& haptic) {
   tsv << "# time_s\tstep_ms\n";
   for (const StepRow& row : rows) tsv << format("%.6f", row.time_s) << format("\t%.6g", row.step_ms) << '\n';
   const auto [mean, max] = mean_and_max(rows, &StepRow::step_ms);
+  const bool short_steps = mean < 0.1;
   Figure figure{"physics_step", kStyle, 1200, 500};
   figure.body += "set title " + gnuplot_quoted("session " + plots.session + ": physics steps") +
-                 " noenhanced\nset xlabel 'time [s]'\nset ylabel 'engine time of a step [ms]'\n" +
-                 cloud("'physics_step.tsv'", 2, mean, max, "#762a83", "step");
+                 " noenhanced\nset ylabel 'engine time of a step [" + (short_steps ? "us" : "ms") + "]'\n" +
+                 cloud(std::string("'physics_step.tsv' using 1:") + (short_steps ? "($2*1e3)" : "2"),
+                       rows.back().time_s, short_steps ? 1e3 * mean : mean, short_steps ? 1e3 * max : max, "#762a83");
   return figure;
 }
 

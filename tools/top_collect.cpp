@@ -123,7 +123,12 @@ void TopCollector::add_topics(TopSnapshot& snapshot, const std::vector<rtbus::To
 TopSnapshot TopCollector::collect() {
   TopSnapshot snapshot;
   std::vector<rtbus::TopicInfo> topics = rtbus::list_topics();
-  const auto chosen = choose_session(topics, wanted_);
+  auto chosen = choose_session(topics, wanted_);
+  if (!chosen && sessions_in(topics, true).empty()) {
+    // All processes of the session on the screen have died: show what they left, until another session comes alive.
+    const std::vector<std::string> left = sessions_in(topics, false);
+    if (std::find(left.begin(), left.end(), session_) != left.end()) chosen = session_;
+  }
   if (!chosen) {
     snapshot.message = chosen.error().message;
     follow_session("");

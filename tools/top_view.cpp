@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <string_view>
+#include <utility>
 
 namespace tools {
 
@@ -41,16 +43,30 @@ std::string on_core(const rtbus::NodeInfo& info) {
   return info.core == 0xffffffffu ? std::string("any core") : "core " + std::to_string(info.core);
 }
 
+/// "FIFO" or "OTHER": the prefix SCHED_ costs the room that the clock needs.
+std::string scheduling(const rtbus::NodeInfo& info) {
+  const std::string name = text_of(info.scheduling);
+  return name.starts_with("SCHED_") ? name.substr(6) : name;
+}
+
 /// "[######....|]": how much of the limit is used; the mark is the peak since start.
 std::string bar(double value, double peak, double limit, int width) {
   std::string text(static_cast<std::size_t>(width), '.');
   if (!(limit > 0.0)) return "[" + text + "]";
-  const auto cells = [&](double of) { return std::clamp(static_cast<int>(std::lround(of / limit * width)), 0, width); };
-  std::fill_n(text.begin(), cells(std::isfinite(value) ? value : limit), '#');
-  if (const int mark = cells(std::isfinite(peak) ? peak : limit); mark > 0 && peak > 0.0) {
+  // Clamped before it becomes a whole number; what is no number counts as full, so that it never looks harmless.
+  const auto cells = [&](double of) {
+    return static_cast<int>(std::lround(std::isnan(of) ? width : std::clamp(of / limit, 0.0, 1.0) * width));
+  };
+  std::fill_n(text.begin(), cells(value), '#');
+  if (const int mark = cells(peak); mark > 0) {
     text[static_cast<std::size_t>(mark - 1)] = '|';
   }
   return "[" + text + "]";
+}
+
+/// A force in a few characters, whatever it is.
+std::string newtons(double force_n) {
+  return std::abs(force_n) < 1e4 ? print("%.2f", force_n) : print("%.2g", force_n);
 }
 
 /// The rungs of the safety ladder that have acted, in ticks.
@@ -71,10 +87,11 @@ void add_force(Lines& lines, const HapticView& view) {
   const double limit_n = view.info ? view.info->force_limit_n : 0.0;
   const double now_n = view.force_n.value_or(stats.force_rms_n);
   // "now" is the RMS of the last fraction of a second; without two statistics it is the one since start.
-  lines.push_back({print("  force     %s %s %.2f of %.1f N  rms %.2f  peak %.2f N",
-                         bar(now_n, stats.force_peak_n, limit_n, 20).c_str(), view.force_n ? "now" : "mean", now_n,
-                         limit_n, stats.force_rms_n, stats.force_peak_n),
-                   limit_n > 0.0 && now_n > 0.95 * limit_n ? Tone::kWarn : Tone::kPlain});
+  lines.push_back(
+      {print("  force     %s %s %s of %.1f N  rms %s  peak %s N", bar(now_n, stats.force_peak_n, limit_n, 20).c_str(),
+             view.force_n ? "now" : "mean", newtons(now_n).c_str(), limit_n, newtons(stats.force_rms_n).c_str(),
+             newtons(stats.force_peak_n).c_str()),
+       limit_n > 0.0 && !(now_n <= 0.95 * limit_n) ? Tone::kWarn : Tone::kPlain});
 }
 
 void add_timing(Lines& lines, const rtbus::LoopStats& stats) {
@@ -104,8 +121,8 @@ void add_position(Lines& lines, const rtbus::DeviceState& device) {
   for (unsigned i = 0; i < 32; ++i) {
     if ((device.buttons >> i & 1u) != 0) pressed += " " + std::to_string(i);
   }
-  lines.push_back({print("  position  x %+.1f  y %+.1f  z %+.1f mm   speed %.3f m/s   buttons%s   %s", p[0] * 1e3,
-                         p[1] * 1e3, p[2] * 1e3, std::hypot(v[0], v[1], v[2]), pressed.empty() ? " -" : pressed.c_str(),
+  lines.push_back({print("  position  %+.1f %+.1f %+.1f mm   speed %.3f m/s   buttons%s   %s", p[0] * 1e3, p[1] * 1e3,
+                         p[2] * 1e3, std::hypot(v[0], v[1], v[2]), pressed.empty() ? " -" : pressed.c_str(),
                          device.enabled != 0 ? "forces on" : "forces OFF")});
 }
 
@@ -122,7 +139,7 @@ void add_safety(Lines& lines, const HapticView& view) {
 
 void add_energy(Lines& lines, const rtbus::LoopStats& stats) {
   // Made energy is what passivity must prevent: say it in words, the sign alone is easily overlooked.
-  lines.push_back({print("  energy    %s %.2g J %s the hand, %.2g J removed by the passivity damper",
+  lines.push_back({print("  energy    %s %.2g J %s the hand, %.2g J removed by passivity",
                          stats.energy_absorbed_j < 0.0 ? "MADE" : "absorbed", std::abs(stats.energy_absorbed_j),
                          stats.energy_absorbed_j < 0.0 ? "against" : "from", stats.energy_injected_j),
                    stats.energy_absorbed_j < 0.0 ? Tone::kWarn : Tone::kPlain});
@@ -130,11 +147,12 @@ void add_energy(Lines& lines, const rtbus::LoopStats& stats) {
 
 /// @param compact Only what tells whether all is well.
 void add_haptic(Lines& lines, const HapticView& view, bool compact) {
-  std::string head = view.name + "  " + life_text(view.life);
+  std::string head = view.name + " " + life_text(view.life);
   if (view.info) {
     const rtbus::NodeInfo& info = *view.info;
-    head += "  " + text_of(info.kind) + "  " + text_of(info.method) + "  " + text_of(info.clock) + "  " +
-            text_of(info.scheduling) + ", " + on_core(info);
+    // What a narrow window cuts off stands last.
+    head += ": " + text_of(info.kind) + ", " + text_of(info.method) + ", " + scheduling(info) + " " + on_core(info) +
+            ", " + text_of(info.clock);
   }
   lines.push_back({head, tone_of(view.life)});
   if (view.stats) add_timing(lines, *view.stats);
@@ -146,10 +164,10 @@ void add_haptic(Lines& lines, const HapticView& view, bool compact) {
 }
 
 void add_physics(Lines& lines, const PhysicsView& view) {
-  std::string head = view.name + "  " + life_text(view.life);
+  std::string head = view.name + " " + life_text(view.life);
   if (view.info) {
     head +=
-        "  " + text_of(view.info->kind) + "  " + text_of(view.info->clock) + print("  %u bodies", view.info->bodies);
+        ": " + text_of(view.info->kind) + ", " + text_of(view.info->clock) + print(", %u bodies", view.info->bodies);
   }
   lines.push_back({head, tone_of(view.life)});
   if (!view.stats) return;
@@ -183,8 +201,24 @@ void add_topics(Lines& lines, const std::vector<TopicView>& topics, int room) {
   if (shown < topics.size()) lines.push_back({print("  + %zu more: rtbus list", topics.size() - shown), Tone::kDim});
 }
 
-Lines header(const TopSnapshot& snapshot) {
-  if (snapshot.session.empty()) return {{"rtbus top", Tone::kHeading}, {snapshot.message}};
+/// Breaks `text` at blanks into lines of at most `width` characters; 0: one line.
+void add_wrapped(Lines& lines, std::string_view text, int width) {
+  const auto limit = static_cast<std::size_t>(width);
+  while (limit > 0 && text.size() > limit) {
+    const std::size_t blank = text.rfind(' ', limit);
+    const bool usable = blank != std::string_view::npos && blank > 0;
+    lines.push_back({std::string(text.substr(0, usable ? blank : limit))});
+    text.remove_prefix(usable ? blank + 1 : limit);
+  }
+  lines.push_back({std::string(text)});
+}
+
+Lines header(const TopSnapshot& snapshot, int width) {
+  if (snapshot.session.empty()) {
+    Lines lines = {{"rtbus top", Tone::kHeading}};
+    add_wrapped(lines, snapshot.message, width);
+    return lines;
+  }
   return {{print("rtbus top  session %s  up %s  %zu haptic, %zu physics, %zu topics%s", snapshot.session.c_str(),
                  duration(snapshot.uptime_s).c_str(), snapshot.haptic.size(), snapshot.physics.size(),
                  snapshot.topics.size(), snapshot.paused ? "  PAUSED" : ""),
@@ -229,7 +263,7 @@ std::optional<double> force_between(const rtbus::LoopStats& before, const rtbus:
 }
 
 std::vector<ViewLine> top_lines(const TopSnapshot& snapshot, int width, int height) {
-  Lines lines = header(snapshot);
+  Lines lines = header(snapshot, width);
   if (!snapshot.session.empty()) {
     const int body = height > 0 ? height - static_cast<int>(lines.size()) - 1 : -1;
     Lines middle = nodes(snapshot, false);

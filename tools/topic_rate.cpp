@@ -22,11 +22,13 @@ TopicRate recent_rate(const std::string& session, const std::string& topic) {
   where.name = session;
   auto reader = rtbus::RawReader::open(where, topic, {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
   if (!reader) return {};
+  // A writer that took over from a dead one left its samples in the ring; the pause in between is no period.
+  const std::uint64_t since_ns = reader->segment().writer_start_ns();
   IntervalStats held;
   // Bounded by the ring as it is now: a writer faster than this loop would otherwise keep it here for ever.
   for (std::uint32_t i = 0; i < reader->description().capacity; ++i) {
     if (reader->read_next() != rtbus::ReadStatus::kFresh) break;
-    held.add(reader->sequence(), reader->stamp_ns());
+    if (reader->stamp_ns() >= since_ns) held.add(reader->sequence(), reader->stamp_ns());
   }
   return judge_rate(held, reader->stamp_ns(), rtbus::monotonic_ns());
 }

@@ -124,8 +124,9 @@ TEST(Doctor, WarnsOfASlowClockAndHardThrottling) {
 
 TEST(Doctor, CountsOnlyDeadSegments) {
   auto facts = perfect();
-  facts.topics.resize(3);
+  facts.topics.resize(4);
   facts.topics[0].writer_alive = true;
+  facts.topics[3].problem = "belongs to another user";  // its writer may live
   facts.topics[1].segment_bytes = facts.topics[2].segment_bytes = 4096;
   EXPECT_THAT(check_of(facts, "stale_segments").measured, HasSubstr("2 of dead processes, 8.0 KiB"));
   EXPECT_EQ(check_of(facts, "stale_segments").remedy, "rtbus clean");

@@ -1,0 +1,182 @@
+#include "tools/report.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <set>
+
+namespace tools {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+template <std::size_t N>
+void set_text(rtbus::Text<N>& out, const char* text) {
+  std::strncpy(out.data(), text, N - 1);
+}
+
+RunReport make_report() {
+  RunReport report;
+  report.config = "config/wall.yaml";
+  report.session = "wall";
+  report.scene = "wall";
+  report.duration_s = 20.0;
+  report.wall_s = 20.5;
+  report.ended = "duration";
+  report.machine.cpu = "a CPU";
+  report.machine.cores = 2;
+
+  HapticFigures haptic;
+  haptic.name = "haptic0";
+  haptic.needs_physics = true;
+  set_text(haptic.info.kind, "phantom_desktop");
+  set_text(haptic.info.method, "remote_virtual_coupling");
+  set_text(haptic.info.clock, "timer");
+  set_text(haptic.info.scheduling, "SCHED_FIFO");
+  set_text(haptic.info.left_out, "libusb, USB I/O thread, torque path");
+  haptic.info.rate_hz = 1000.0;
+  haptic.stats.ticks = 19990;
+  haptic.stats.ticks_due = 20000;
+  haptic.stats.overruns = 10;
+  haptic.stats.slew_limited = 7;
+  haptic.stats.wakeup_p999_us = 123.5;
+  haptic.stats.energy_absorbed_j = 0.25;
+  haptic.stats.energy_injected_j = 0.125;
+  StalenessFigures error;
+  error.force_n.add(3.0);
+  error.force_n.add(4.0);
+  error.position_m.add(0.5);
+  haptic.error = error;
+  haptic.missed_by_observer = 3;
+  haptic.cost.cpu_s = 2.0;
+  report.haptic.push_back(haptic);
+
+  BareLoopFigures bare;
+  bare.beside = "haptic0";
+  bare.scheduling = "SCHED_FIFO";
+  bare.ticks = 19995;
+  bare.due = 20000;
+  bare.overruns = 5;
+  report.bare_loop = bare;
+
+  PhysicsFigures physics;
+  set_text(physics.info.kind, "analytic");
+  set_text(physics.info.left_out, "Bullet");
+  physics.stats.steps = 20000;
+  physics.stats.achieved_hz = 1000.0;
+  physics.stats.simulated_s = 20.0;
+  physics.stats.bodies = 1;
+  physics.cost.cpu_s = 1.0;
+  physics.proxies.push_back({"haptic0", 20000, 15000, {}, {}});
+  report.physics = physics;
+  report.shm_bytes = 4096;
+  report.topics.push_back({"haptic0.telemetry", "rtbus/Telemetry", 240, 20000, 1000.0});
+  return report;
+}
+
+std::set<std::string> keys_of(const nlohmann::ordered_json& json) {
+  std::set<std::string> keys;
+  for (const auto& item : json.items()) keys.insert(item.key());
+  return keys;
+}
+
+void expect_keys(const nlohmann::ordered_json& json, const std::vector<std::string>& wanted) {
+  const std::set<std::string> keys = keys_of(json);
+  for (const std::string& key : wanted) EXPECT_TRUE(keys.count(key)) << "missing: " << key << " in " << json.dump();
+}
+
+TEST(Report, HasEveryKeyOfItsSchema) {
+  const auto json = to_json(make_report());
+  EXPECT_EQ(json["schema"], "rtbus-report/1");
+  expect_keys(json, {"config", "duration_s", "wall_s", "machine", "haptic", "bare_loop", "physics", "bus"});
+  expect_keys(json["machine"], {"cpu", "cores", "kernel", "realtime"});
+  const auto& haptic = json["haptic"][0];
+  expect_keys(haptic, {"name", "device", "method", "clock", "rate_hz", "ticks", "ticks_due", "overruns", "scheduling",
+                       "wakeup_latency_us", "compute_us", "proxy_age_ms", "force_n", "force_error_n", "energy_j",
+                       "safety", "missed_by_observer"});
+  expect_keys(haptic["wakeup_latency_us"], {"p50", "p99", "p999", "max"});
+  expect_keys(haptic["compute_us"], {"p50", "p99", "max"});
+  expect_keys(haptic["proxy_age_ms"], {"p50", "p99", "max"});
+  expect_keys(haptic["force_n"], {"rms", "peak"});
+  expect_keys(haptic["force_error_n"], {"rms", "peak", "reference"});
+  expect_keys(haptic["energy_j"], {"absorbed", "injected_by_damper"});
+  expect_keys(haptic["safety"], {"clamped", "slew_limited", "stale_ticks", "nonfinite", "overspeed"});
+  expect_keys(json["bare_loop"], {"ticks", "due", "overruns", "wakeup_latency_us"});
+  expect_keys(json["physics"],
+              {"engine", "rate_hz", "steps", "step_ms", "bodies", "left_out", "rss_mib", "cpu_s_per_s"});
+  expect_keys(json["bus"], {"shm_bytes", "topics"});
+  expect_keys(json["bus"]["topics"][0], {"name", "type", "sample_bytes", "published", "rate_hz"});
+}
+
+TEST(Report, CarriesTheFiguresToTheirKeys) {
+  const auto json = to_json(make_report());
+  const auto& haptic = json["haptic"][0];
+  EXPECT_EQ(haptic["device"], "phantom_desktop");
+  EXPECT_EQ(haptic["ticks"], 19990);
+  EXPECT_EQ(haptic["ticks_due"], 20000);
+  EXPECT_EQ(haptic["wakeup_latency_us"]["p999"], 123.5);
+  EXPECT_EQ(haptic["energy_j"]["absorbed"], 0.25);
+  EXPECT_EQ(haptic["energy_j"]["injected_by_damper"], 0.125);
+  EXPECT_EQ(haptic["safety"]["slew_limited"], 7);
+  EXPECT_NEAR(haptic["force_error_n"]["rms"].get<double>(), std::sqrt(12.5), 1e-12);
+  EXPECT_EQ(haptic["force_error_n"]["peak"], 4.0);
+  EXPECT_NEAR(haptic["cpu_s_per_s"].get<double>(), 0.1, 1e-12);
+  EXPECT_NEAR(json["physics"]["cpu_s_per_simulated_s"].get<double>(), 0.05, 1e-12);
+  EXPECT_EQ(haptic["left_out"], (nlohmann::ordered_json{"libusb", "USB I/O thread", "torque path"}));
+}
+
+TEST(Report, SaysWhyThereIsNoForceError) {
+  RunReport report = make_report();
+  report.haptic[0].error.reset();
+  auto json = to_json(report);
+  EXPECT_TRUE(json["haptic"][0]["force_error_n"]["rms"].is_null());
+  EXPECT_THAT(json["haptic"][0]["force_error_n"]["reason"].get<std::string>(), HasSubstr("too short"));
+  report.haptic[0].needs_physics = false;
+  json = to_json(report);
+  EXPECT_THAT(json["haptic"][0]["force_error_n"]["reason"].get<std::string>(), HasSubstr("never stale"));
+  EXPECT_TRUE(json["haptic"][0]["proxy_age_ms"]["p50"].is_null());
+}
+
+TEST(Report, WritesNullForWhatIsNotThere) {
+  RunReport report = make_report();
+  report.bare_loop.reset();
+  report.physics.reset();
+  report.duration_s = 0.0;
+  report.haptic[0].stats.force_rms_n = std::numeric_limits<double>::quiet_NaN();
+  const auto json = to_json(report);
+  EXPECT_TRUE(json["bare_loop"].is_null());
+  EXPECT_TRUE(json["physics"].is_null());
+  EXPECT_TRUE(json["haptic"][0]["force_n"]["rms"].is_null());
+  EXPECT_TRUE(json["haptic"][0]["cpu_s_per_s"].is_null());
+  EXPECT_THAT(json.dump(), Not(HasSubstr("nan")));
+}
+
+TEST(Report, TextShowsTheBareLoopBesideTheHapticLoop) {
+  const std::string text = to_text(make_report());
+  EXPECT_THAT(text, HasSubstr("haptic loop"));
+  EXPECT_THAT(text, HasSubstr("bare loop"));
+  EXPECT_THAT(text, HasSubstr("slew limited 7 ticks"));
+  EXPECT_THAT(text, Not(HasSubstr("do not compare")));
+  EXPECT_THAT(text, HasSubstr("missed 3 of"));
+}
+
+TEST(Report, TextWarnsWhenTheTwoLoopsWereNotGrantedTheSame) {
+  RunReport report = make_report();
+  report.bare_loop->scheduling = "SCHED_OTHER";
+  EXPECT_THAT(to_text(report), HasSubstr("do not compare"));
+}
+
+TEST(Report, TextNamesOnlySafetyCountersThatAreNotZero) {
+  RunReport report = make_report();
+  report.haptic[0].stats.losses = 1;
+  EXPECT_THAT(to_text(report), HasSubstr("slew limited 7 ticks, losses of physics 1\n"));
+  report.haptic[0].stats = {};
+  EXPECT_THAT(to_text(report), HasSubstr("nothing was cut"));
+}
+
+}  // namespace
+}  // namespace tools
