@@ -118,8 +118,8 @@ rtbus::Result<void, NodeFault> Node::start() {
                  config_.stiffness_requested_n_per_m, config_.stiffness_n_per_m, device.model);
   }
   if (const double passive = config_.passive_stiffness_n_per_m(); config_.stiffness_n_per_m > passive) {
-    spdlog::info("{}: above {:g} N/m = 2(b - |B|)/T a wall is passive by friction, hand and the passivity controller only",
-                 config_.name, passive);
+    spdlog::info("{}: {:g} N/m is above 2(b - |B|)/T = {:g} N/m, what the device's own viscous damping makes passive; friction, "
+                 "the hand and the passivity controller cover the rest", config_.name, config_.stiffness_n_per_m, passive);
   }
   spdlog::info("{}: left out: {}", config_.name, left_out());
 
@@ -211,6 +211,7 @@ void Node::publish_stats(double achieved_hz) noexcept {
 
 void Node::house_thread() noexcept {
   rtbus::name_this_thread("haptic_house");
+  (void)rtbus::prefer_on_time();
   rtbus::NodeInfo info;
   set_text(info.role, "haptic");
   set_text(info.kind, device_->info().model);

@@ -20,7 +20,7 @@ struct NodeFault {
   std::string message;
 };
 
-/// Threads: `haptic_loop` (SCHED_FIFO) runs the cycle; `haptic_house` (SCHED_OTHER) sends the heartbeat, re-attaches
+/// Threads: `haptic_loop` (SCHED_FIFO) runs the cycle; `haptic_house` (low SCHED_FIFO when granted) sends the heartbeat, re-attaches
 /// topics, publishes statistics and drains the event log. Nothing that the loop needs is shared with a lock.
 class Node {
  public:

@@ -116,7 +116,7 @@ void read_realtime(Map& entry, HapticConfig& out) {
 std::uint64_t HapticConfig::period_ns() const noexcept { return static_cast<std::uint64_t>(std::llround(1e9 / rate_hz)); }
 
 double HapticConfig::passive_stiffness_n_per_m() const noexcept {
-  return std::max(0.0, 2.0 * (device->info().viscous_damping_n_s_per_m - std::abs(damping_n_s_per_m)) * rate_hz);
+  return 2.0 * (device->info().viscous_damping_n_s_per_m - std::abs(damping_n_s_per_m)) * rate_hz;
 }
 
 HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size_t index) {

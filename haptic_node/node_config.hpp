@@ -40,7 +40,7 @@ struct HapticConfig {
 
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
   /// K_max = 2(b − |B|)/T [N/m]: the stiffest sampled wall that this device renders passively by its own viscous damping
-  /// alone (J. E. Colgate, G. Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14(1), 1997).
+  /// alone; negative: none (J. E. Colgate, G. Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14(1), 1997).
   [[nodiscard]] double passive_stiffness_n_per_m() const noexcept;
 };
 

@@ -166,6 +166,8 @@ void Node::step_thread() noexcept {
 
 void Node::beat_thread() noexcept {
   rtbus::name_this_thread("physics_beat");
+  // A machine that is busy is not a dead physics process: the beat must not wait behind other work.
+  (void)rtbus::prefer_on_time();
   const PhysicsConfig& physics = config_.physics;
   rtbus::NodeInfo info;
   set_text(info.role, "physics");

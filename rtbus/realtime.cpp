@@ -21,6 +21,7 @@ namespace {
 
 constexpr int kMinPriority = 1;
 constexpr int kMaxPriority = 98;  // 99 stays with the kernel's own threads
+constexpr int kSignOfLifePriority = 10;  // above everything ordinary, far below any loop
 constexpr std::size_t kStackPrefaultBytes = 256 * 1024;
 
 /// One descriptor per process holds the request; −1: not held.
@@ -85,16 +86,30 @@ void set_fifo(const RealtimeRequest& request, RealtimeGrant& grant) {
       "with ulimit -r), or run `setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
 }
 
+/// True when this process may lock as much as it likes.
+bool may_lock_everything() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY) return true;
+  // With CAP_IPC_LOCK the limit does not count. The kernel prints the effective set as hexadecimal.
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word) {
+    if (word == "CapEff:" && status >> word) return ((std::stoull(word, nullptr, 16) >> 14) & 1u) != 0;  // CAP_IPC_LOCK
+  }
+  return false;
+}
+
 void lock_memory(RealtimeGrant& grant) {
-  if (::mlockall(MCL_CURRENT | MCL_FUTURE) == 0) {
+  // Under a limit, MCL_FUTURE would make a later mmap or malloc fail once the limit is reached: a small limit then locks
+  // what is there now, and the loop has everything by now.
+  if (::mlockall(may_lock_everything() ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0) {
     grant.memory_locked = true;
     return;
   }
-  grant.warnings.push_back(
-      "memory not locked" + because(errno) +
-      ": a page fault may cost the loop milliseconds; add the line `@realtime - memlock unlimited` "
-      "to /etc/security/limits.d/realtime.conf and log in again (check with ulimit -l), or run "
-      "`setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
+  grant.warnings.push_back("memory not locked" + because(errno) +
+                           ": a page fault may cost the loop milliseconds; add the line `@realtime - memlock unlimited` "
+                           "to /etc/security/limits.d/realtime.conf and log in again (check with ulimit -l), or run "
+                           "`setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
 }
 
 /// The kernel honours the request for as long as the descriptor is open.
@@ -126,22 +141,6 @@ void hold_dma_latency(RealtimeGrant& grant) {
   for (std::size_t i = 0; i < stack.size(); i += 1024) bytes[i] = 0;
 }
 
-/// Throttling takes realtime threads off their core for the rest of each period: 50 ms in every second by default.
-void warn_of_throttling(RealtimeGrant& grant) {
-  long runtime_us = -1;
-  long period_us = 0;
-  std::ifstream runtime("/proc/sys/kernel/sched_rt_runtime_us");
-  std::ifstream period("/proc/sys/kernel/sched_rt_period_us");
-  if (!(runtime >> runtime_us) || !(period >> period_us)) return;
-  if (!grant.fifo || runtime_us < 0 || runtime_us >= period_us) return;
-  grant.warnings.push_back("realtime throttling is on: if SCHED_FIFO threads of a core use more than " +
-                           std::to_string(runtime_us / 1000) + " ms in " + std::to_string(period_us / 1000) +
-                           " ms, the kernel stops them for the remaining " +
-                           std::to_string((period_us - runtime_us) / 1000) +
-                           " ms; a loop that sleeps between cycles never gets there; to switch it off: `sysctl -w "
-                           "kernel.sched_rt_runtime_us=-1`");
-}
-
 }  // namespace
 
 std::string RealtimeGrant::summary() const {
@@ -159,13 +158,18 @@ RealtimeGrant enter_realtime(const RealtimeRequest& request) {
   choose_core(request, grant);
   if (request.hold_dma_latency) hold_dma_latency(grant);
   set_fifo(request, grant);
-  warn_of_throttling(grant);
   return grant;
 }
 
 void leave_realtime() noexcept {
   const int fd = g_dma_latency_fd.exchange(-1);
   if (fd >= 0) ::close(fd);
+}
+
+bool prefer_on_time() noexcept {
+  sched_param parameters{};
+  parameters.sched_priority = kSignOfLifePriority;
+  return ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0;
 }
 
 void name_this_thread(const char* name) noexcept { ::prctl(PR_SET_NAME, name, 0, 0, 0); }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "rtbus/config/document.hpp"
 #include "tools/command.hpp"
@@ -43,8 +44,10 @@ int run(const RunOptions& options) {
                  plan.session.name.c_str(), who.c_str());
     return kExitFailed;
   }
-  for (const std::string& folder :
-       {options.report.empty() ? "" : fs::path(options.report).parent_path().string(), options.plots}) {
+  std::vector<fs::path> folders;
+  if (!options.report.empty()) folders.push_back(fs::path(options.report).parent_path());
+  if (!options.plots.empty()) folders.emplace_back(options.plots);
+  for (const fs::path& folder : folders) {
     if (const std::string problem = prepare_folder(folder); !problem.empty()) {
       std::fprintf(stderr, "rtbus run: %s\n", problem.c_str());
       return kExitFailed;
