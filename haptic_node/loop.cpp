@@ -136,7 +136,7 @@ void Loop::count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexc
   counters_.energy_injected_j.store(safety_.passivity().dissipated_j(), std::memory_order_relaxed);
 }
 
-void Loop::cycle(std::uint64_t due_ns, std::uint64_t now_ns) noexcept {
+void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   event_count_ = event_next_ = 0;
   const std::uint64_t began_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
 
@@ -144,6 +144,7 @@ void Loop::cycle(std::uint64_t due_ns, std::uint64_t now_ns) noexcept {
   const drivers::IoStatus io = device_.read(now_ns, sample_);
   const std::uint64_t read_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
   const bool device_ok = io == drivers::IoStatus::kOk || io == drivers::IoStatus::kStale;
+  const std::uint64_t due_ns = deadline_ns != 0 ? deadline_ns : sample_.time_ns;
   if (device_ok_ && !device_ok) note(LoopEvent::kDeviceLost);
   if (device_ok && !device_ok_ && last_sample_ns_ != 0) note(LoopEvent::kDeviceBack);
   if (device_ok && !device_ok_) velocity_.reset();  // it may be anywhere by now: no difference across the gap

@@ -50,8 +50,9 @@ class Loop {
   /// @param measure Record wake-up, compute and device time by the real clock; off under a simulated clock.
   Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& link, bool measure);
 
-  /// One cycle. @param due_ns When it should have started. @param now_ns Now. @realtime Yes.
-  void cycle(std::uint64_t due_ns, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  /// One cycle. @param deadline_ns When it should have started; 0: when the device measured (`clock: device`), so that the
+  /// wake-up latency is that from the measurement to here. @param now_ns Now. @realtime Yes.
+  void cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
   /// Zero force, at once, outside the ladder: the last thing a loop does. @realtime Yes.
   void release(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;

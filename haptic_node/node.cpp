@@ -194,7 +194,7 @@ void Node::run_device(std::uint64_t start_ns) noexcept {
   while (!stop_.load(std::memory_order_relaxed)) {
     (void)device_->wait_sample(last_ns + 2 * period_ns);
     const std::uint64_t now_ns = rtbus::monotonic_ns();
-    loop_->cycle(now_ns, now_ns);
+    loop_->cycle(0, now_ns);
     after_cycle();
     ++served;
     last_ns = now_ns;

@@ -208,7 +208,7 @@ void Node::beat_thread() noexcept {
     std::rotate(history.begin(), history.begin() + 1, history.end());
     history.back() = {now_ns, stats.steps};
     const double span_s = rtbus::seconds_between(history.front().first, now_ns);
-    stats.achieved_hz = span_s > 0.0 ? static_cast<double>(stats.steps - history.front().second) / span_s : 0.0;
+    stats.achieved_hz = span_s > 0.1 ? static_cast<double>(stats.steps - history.front().second) / span_s : 0.0;
     topics_->step_stats.publish(stats, now_ns);
   };
 
