@@ -117,9 +117,9 @@ rtbus::Result<void, NodeFault> Node::start() {
     spdlog::warn("{}: requested stiffness {:g} N/m lowered to {:g} N/m, the limit of {}", config_.name,
                  config_.stiffness_requested_n_per_m, config_.stiffness_n_per_m, device.model);
   }
-  if (const double passive = config_.passive_stiffness_n_per_m(); config_.stiffness_n_per_m > passive) {
-    spdlog::info("{}: {:g} N/m is above 2(b - |B|)/T = {:g} N/m, what the device's own viscous damping makes passive; friction, "
-                 "the hand and the passivity controller cover the rest", config_.name, config_.stiffness_n_per_m, passive);
+  if (const double passive = std::max(0.0, config_.passive_stiffness_n_per_m()); config_.stiffness_n_per_m > passive) {
+    spdlog::info("{}: the device's own viscous damping makes a sampled wall passive up to {:g} N/m = 2(b - |B|)/T; beyond it "
+                 "friction, the hand and the passivity controller must", config_.name, passive);
   }
   spdlog::info("{}: left out: {}", config_.name, left_out());
 

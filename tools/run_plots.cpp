@@ -50,27 +50,33 @@ int main_axis(std::span<const MotionRow> rows) {
   return best;
 }
 
-Figure motion_figure(const RunPlots& plots, const HapticObserver& haptic) {
-  const std::span<const MotionRow> rows = haptic.motion().rows();
-  const std::string stem = "motion_" + haptic.config().name;
-  std::ofstream tsv(plots.folder / (stem + ".tsv"));
+void write_motion(const RunPlots& plots, const HapticObserver& haptic) {
+  std::ofstream tsv(plots.folder / ("motion_" + haptic.config().name + ".tsv"));
   tsv << "# time_s\tx_m\ty_m\tz_m\tproxy_x_m\tproxy_y_m\tproxy_z_m\tforce_x_n\tforce_y_n\tforce_z_n"
          "\trendered_x_n\trendered_y_n\trendered_z_n\tproxy_age_ms\n";
-  for (const MotionRow& row : rows) {
+  for (const MotionRow& row : haptic.motion().rows()) {
     tsv << format("%.6f", row.time_s);
     for (const rtbus::Vec3* vector : {&row.position_m, &row.proxy_m, &row.force_n, &row.rendered_n}) {
       for (const double value : *vector) tsv << format("\t%.7g", value);
     }
     tsv << format("\t%.4f", row.proxy_age_ms) << '\n';
   }
-  const int axis = main_axis(rows);
+}
+
+struct TimeSpan {
+  double from_s, to_s;
+};
+
+/// Force and position over `span`, from the motion's data.
+Figure motion_figure(const RunPlots& plots, const HapticObserver& haptic, const std::string& kind, TimeSpan span) {
+  const int axis = main_axis(haptic.motion().rows());
   const std::string name(1, "xyz"[axis]);
   const auto column = [axis](int first) { return std::to_string(first + axis); };
-  const std::string data = gnuplot_quoted(stem + ".tsv");
-  const double end_s = std::max(rows.back().time_s, 1e-3);
-  Figure figure{stem, kStyle, 1200, 800};
+  const std::string data = gnuplot_quoted("motion_" + haptic.config().name + ".tsv");
+  Figure figure{kind + "_" + haptic.config().name, kStyle, 1200, 800};
   figure.body += "set multiplot layout 2,1 title " + gnuplot_quoted(title(plots, haptic)) + " noenhanced\n" +
-                 "set xrange [0:" + format("%.6g", end_s) + "]\nset format x ''\nset bmargin 1\n" + "set ylabel " +
+                 "set xrange [" + format("%.6g", span.from_s) + ":" + format("%.6g", span.to_s) +
+                 "]\nset format x ''\nset bmargin 1\n" + "set ylabel " +
                  gnuplot_quoted("force on the hand, " + name + " [N]") + "\n" + "plot " + data +
                  " using 1:" + column(11) + " with lines lw 2 lc rgb '#c0c0c0' title 'force law, before safety', " +
                  data + " using 1:" + column(8) + " with lines lw 1.2 lc rgb '#b2182b' title 'left for the device'\n" +
@@ -79,6 +85,14 @@ Figure motion_figure(const RunPlots& plots, const HapticObserver& haptic) {
                  column(5) + "*1e3) with lines lw 2 lc rgb '#4393c3' title 'proxy', " + data + " using 1:($" +
                  column(2) + "*1e3) with lines lw 1.2 lc rgb '#202020' title 'tip'\nunset multiplot\n";
   return figure;
+}
+
+/// The hardest contact, from a little before its peak: what a whole run squeezes into a few pixels.
+TimeSpan around_the_peak(std::span<const MotionRow> rows) {
+  const auto force = [](const MotionRow& row) { return std::hypot(row.force_n[0], row.force_n[1], row.force_n[2]); };
+  const auto peak = std::max_element(rows.begin(), rows.end(),
+                                     [&](const MotionRow& a, const MotionRow& b) { return force(a) < force(b); });
+  return {std::max(0.0, peak->time_s - 0.25), peak->time_s + 0.75};
 }
 
 /// Counts in bins of equal width on a logarithmic axis: 20 to the decade, 0.1 us to 10 s.
@@ -205,8 +219,11 @@ RunPlotsOutcome draw_run_plots(const RunPlots& plots) {
   }
   std::vector<Figure> figures;
   for (const HapticObserver* haptic : plots.haptic) {
-    if (haptic->motion().rows().empty()) continue;
-    figures.push_back(motion_figure(plots, *haptic));
+    const std::span<const MotionRow> rows = haptic->motion().rows();
+    if (rows.empty()) continue;
+    write_motion(plots, *haptic);
+    figures.push_back(motion_figure(plots, *haptic, "motion", {0.0, std::max(rows.back().time_s, 1e-3)}));
+    figures.push_back(motion_figure(plots, *haptic, "contact", around_the_peak(rows)));
     figures.push_back(wakeup_figure(plots, *haptic, haptic == plots.haptic.front() ? plots.bare : nullptr));
     if (haptic->needs_physics()) figures.push_back(age_figure(plots, *haptic));
   }
