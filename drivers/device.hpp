@@ -34,6 +34,7 @@ struct DeviceInfo {
   Vec3 workspace_max_m{0.08, 0.06, 0.06};     ///< Frame D [m].
   double force_timeout_s = 0.020;           ///< With no write for so long the device itself goes to zero [s].
   bool can_pace_loop = false;               ///< wait_sample() works: `clock: device` is possible.
+  double sample_rate_hz = 0.0;              ///< At which it then paces the loop [Hz]; the loop's rate_hz must be the same.
 };
 
 /// One measurement.
@@ -77,7 +78,8 @@ class Device {
   /// `now_ns`. @realtime No; may take seconds.
   [[nodiscard]] virtual rtbus::Result<void, DeviceFault> start(std::uint64_t now_ns) = 0;
 
-  /// `clock: device` only: blocks until a sample newer than the last read is there, at most until `deadline_ns`.
+  /// `clock: device` only: blocks until a sample newer than the last read is there, at most until `deadline_ns`. May
+  /// return kLost at once; the loop then waits for its next period by itself.
   /// @realtime Yes: the loop's one blocking call.
   [[nodiscard]] virtual IoStatus wait_sample(std::uint64_t deadline_ns) noexcept {
     (void)deadline_ns;

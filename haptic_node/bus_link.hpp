@@ -12,8 +12,8 @@
 
 namespace haptic {
 
-/// `<haptic>.device_state` out; `physics.proxy_state.<haptic>` and `physics.heartbeat` in, from whichever physics process
-/// is there. send() and receive() belong to the loop's thread, maintain() to the housekeeping thread.
+/// `<haptic>.device_state` out; `physics.proxy_state.<haptic>` and `physics.heartbeat` in, from whichever physics
+/// process is there. send() and receive() belong to the loop's thread, maintain() to the housekeeping thread.
 class BusLink final : public PhysicsLink {
  public:
   /// @param needs_physics False: the incoming topics are left out.

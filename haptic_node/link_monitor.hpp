@@ -12,7 +12,8 @@ namespace haptic {
 
 struct LinkMonitorConfig {
   double loss_timeout_s = 0.055;  ///< A heartbeat (every 20 ms) older than this: the process is dead or stopped.
-  double min_step_age_s = 0.1;    ///< A hung engine: older than max(this, 2.5 × declared period + step time).
+  double min_step_age_s = 0.1;    ///< A hung engine: older than max(this, 2.5 × declared period + step time) …
+  double max_step_age_s = 10.0;   ///< … or than this, whatever physics declares.
 };
 
 /// Judges the age of the heartbeat and of the last step. A slow engine with a live heartbeat is not lost.
@@ -33,8 +34,7 @@ class LinkMonitor {
   [[nodiscard]] bool update(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
     const bool alive = beat_ns_ != 0 && proxy_ns_ != 0 &&
                        beat_.state == static_cast<std::uint32_t>(rtbus::NodeState::kRunning) &&
-                       rtbus::seconds_between(beat_ns_, now_ns) <= config_.loss_timeout_s &&
-                       rtbus::seconds_between(proxy_ns_, now_ns) <= step_age_limit_s();
+                       young(beat_ns_, now_ns, config_.loss_timeout_s) && young(proxy_ns_, now_ns, step_age_limit_s());
     if (alive_ && !alive) {
       ++losses_;
       last_loss_ns_ = now_ns;
@@ -44,13 +44,22 @@ class LinkMonitor {
   }
 
   [[nodiscard]] double step_age_limit_s() const noexcept {
-    return std::max(config_.min_step_age_s, 2.5 * static_cast<double>(beat_.work_period_ns) * 1e-9 +
-                                                static_cast<double>(beat_.work_compute_ns) * 1e-9);
+    return std::clamp(
+        2.5 * static_cast<double>(beat_.work_period_ns) * 1e-9 + static_cast<double>(beat_.work_compute_ns) * 1e-9,
+        config_.min_step_age_s, config_.max_step_age_s);
   }
   [[nodiscard]] std::uint64_t losses() const noexcept { return losses_; }
   [[nodiscard]] std::uint64_t last_loss_ns() const noexcept { return last_loss_ns_; }
 
  private:
+  /// A stamp from the future by more than a scheduling delay comes from a broken writer: no sign of life.
+  [[nodiscard]] static bool young(std::uint64_t stamp_ns, std::uint64_t now_ns,
+                                  double limit_s) noexcept RTBUS_NONBLOCKING {
+    const double age_s = rtbus::seconds_between(stamp_ns, now_ns);
+    return age_s >= -kMaxFuture_s && age_s <= limit_s;
+  }
+  static constexpr double kMaxFuture_s = 0.005;
+
   LinkMonitorConfig config_;
   rtbus::Heartbeat beat_{};
   std::uint64_t beat_ns_ = 0;

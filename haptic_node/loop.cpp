@@ -55,8 +55,10 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
   if (link_.receive(proxy_news_)) {
     monitor_.proxy(proxy_news_.stamp_ns);
     const rtbus::ProxyState& news = proxy_news_.value;
-    // An answer to another mapping (before a clutch) or to no sample of ours says nothing about the hand now.
-    proxy_.valid = news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch();
+    // An answer to another mapping, to a sample from before forces were enabled (perhaps of a process before this one),
+    // or to one that is yet to come, says nothing about the hand now.
+    proxy_.valid = news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch() &&
+                   news.device_time_ns >= enabled_ns_ && news.device_time_ns <= now_ns;
     if (proxy_.valid) {
       proxy_.fresh = true;
       proxy_.sequence = proxy_news_.sequence;
@@ -93,7 +95,8 @@ void Loop::follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t button
   clutched_ = pressed_now;
 }
 
-void Loop::describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m, bool enabled) noexcept {
+void Loop::describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m,
+                         bool enabled) noexcept {
   const Eigen::Quaterniond q_DT(sample.orientation_wxyz[0], sample.orientation_wxyz[1], sample.orientation_wxyz[2],
                                 sample.orientation_wxyz[3]);
   state_.position_m = sample.position_m;
@@ -133,30 +136,56 @@ void Loop::count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexc
     counters_.force_peak_n.store(norm, std::memory_order_relaxed);
   }
   counters_.energy_absorbed_j.store(safety_.passivity().absorbed_j(), std::memory_order_relaxed);
-  counters_.energy_injected_j.store(safety_.passivity().dissipated_j(), std::memory_order_relaxed);
+  counters_.energy_removed_j.store(safety_.passivity().dissipated_j(), std::memory_order_relaxed);
+}
+
+bool Loop::read_device(std::uint64_t now_ns) noexcept {
+  // The device keeps its own last sample: a stale one is repeated. A device that is lost, that says something which is
+  // not a number, or that did not take the last force, gets none.
+  const drivers::IoStatus io = device_.read(now_ns, sample_);
+  const bool answers = io == drivers::IoStatus::kOk || io == drivers::IoStatus::kStale;
+  const bool ok = answers && !write_failed_ && to_vector(sample_.position_m).allFinite();
+  if (device_ok_ && !ok) note(LoopEvent::kDeviceLost);
+  if (ok && !device_ok_) {
+    if (device_seen_) note(LoopEvent::kDeviceBack);
+    velocity_.reset();  // it may be anywhere by now: no difference across the gap
+  }
+  device_seen_ = device_seen_ || ok;
+  device_ok_ = ok;
+  return ok;
+}
+
+void Loop::enable_edge(bool enabled, std::uint64_t now_ns) noexcept {
+  // Each time forces are enabled everything begins at zero stored energy: physics puts its proxy onto the hand when it
+  // sees the new epoch, the law forgets its history, and the gate waits for the first answer to a sample from now on.
+  if (enabled && !enabled_) {
+    mapping_.renew();
+    enabled_ns_ = now_ns;
+    proxy_.valid = false;
+    renderer_->reset();
+  }
+  enabled_ = enabled;
 }
 
 void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   event_count_ = event_next_ = 0;
   const std::uint64_t began_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
 
-  // 1. Where is the hand? The device keeps its own last sample: a stale one is repeated, a lost device means zero force.
-  const drivers::IoStatus io = device_.read(now_ns, sample_);
+  // 1. Where is the hand?
+  const bool device_ok = read_device(now_ns);
   const std::uint64_t read_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
-  const bool device_ok = io == drivers::IoStatus::kOk || io == drivers::IoStatus::kStale;
   const std::uint64_t due_ns = deadline_ns != 0 ? deadline_ns : sample_.time_ns;
-  if (device_ok_ && !device_ok) note(LoopEvent::kDeviceLost);
-  if (device_ok && !device_ok_ && last_sample_ns_ != 0) note(LoopEvent::kDeviceBack);
-  if (device_ok && !device_ok_) velocity_.reset();  // it may be anywhere by now: no difference across the gap
-  device_ok_ = device_ok;
   const Eigen::Vector3d position_m = to_vector(sample_.position_m);
-  if (device_ok && position_m.allFinite()) velocity_.update(position_m, sample_.time_ns);
+  if (device_ok) {
+    velocity_.update(position_m, sample_.time_ns);
+    follow_clutch(position_m, sample_.buttons);
+  }
 
-  // 2. What does physics say, and does the user want force?
-  follow_clutch(position_m, sample_.buttons);
-  take_news(now_ns);
+  // 2. Does the user want force, and what does physics say?
   const bool enabled =
       device_ok && !clutched_ && (config_.enable_button < 0 || pressed(sample_.buttons, config_.enable_button));
+  enable_edge(enabled, sample_.time_ns);
+  take_news(now_ns);
 
   // 3. The force law, then the ladder, then the device.
   RenderInput input;
@@ -172,12 +201,12 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   wish.position_m = position_m;
   wish.velocity_m_s = input.velocity_m_s;
   wish.dt_s = dt_s_;
-  wish.elapsed_s = last_sample_ns_ == 0 ? 0.0 : rtbus::seconds_between(last_sample_ns_, sample_.time_ns);
+  wish.now_ns = now_ns;
+  wish.sample_time_ns = sample_.time_ns;
   wish.enabled = enabled;
-  wish.link_alive = link_alive_;
+  wish.link_alive = link_alive_ && (proxy_.valid || !renderer_->needs_physics());
   wish.device_ok = device_ok;
   const SafetyOutput safe = safety_.apply(wish);
-  if (device_ok) last_sample_ns_ = sample_.time_ns;
   const bool overspeed = (safe.acted & kOverspeed) != 0;
   if (overspeed && !overspeed_) note(LoopEvent::kOverspeed);
   overspeed_ = overspeed;
@@ -185,7 +214,8 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   drivers::ForceCommand command;
   command.force_n = to_array(safe.force_n);
   const std::uint64_t computed_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
-  (void)device_.write(measure_ ? computed_ns : now_ns, command);
+  write_failed_ = device_.write(measure_ ? computed_ns : now_ns, command) != drivers::IoStatus::kOk;
+  if (write_failed_) safety_.not_sent();
   const std::uint64_t written_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
 
   // 4. Tell physics, and keep the books.
@@ -193,7 +223,7 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   link_.send(state_, now_ns);
   count(safe, safe.force_n);
 
-  const std::uint64_t proxy_age_ns = proxy_.valid ? now_ns - proxy_.device_time_ns : 0;
+  const std::uint64_t proxy_age_ns = proxy_.valid ? now_ns - proxy_.device_time_ns : 0;  // never later than now
   if (proxy_.valid) counters_.proxy_age_ns.record(proxy_age_ns);
   telemetry_.tick = counters_.ticks.load(std::memory_order_relaxed);
   telemetry_.due_ns = due_ns;
@@ -258,10 +288,11 @@ rtbus::LoopStats Loop::stats() const {
   out.ticks_due = load(counters_.ticks_due);
   out.ticks = load(counters_.ticks);
   out.overruns = load(counters_.overruns);
-  out.force_rms_n = out.ticks > 0 ? std::sqrt(load(counters_.force_square_sum_n2) / static_cast<double>(out.ticks)) : 0.0;
+  out.force_rms_n =
+      out.ticks > 0 ? std::sqrt(load(counters_.force_square_sum_n2) / static_cast<double>(out.ticks)) : 0.0;
   out.force_peak_n = load(counters_.force_peak_n);
   out.energy_absorbed_j = load(counters_.energy_absorbed_j);
-  out.energy_injected_j = load(counters_.energy_injected_j);
+  out.energy_removed_j = load(counters_.energy_removed_j);
   out.clamped = load(counters_.clamped);
   out.slew_limited = load(counters_.slew_limited);
   out.stale_ticks = load(counters_.stale_ticks);

@@ -20,7 +20,8 @@
 
 namespace haptic {
 
-/// The loop's way to physics: the bus in a node, a queue with a chosen latency in the harness. @realtime Yes, all of it.
+/// The loop's way to physics: the bus in a node, a queue with a chosen latency in the harness. @realtime Yes, all of
+/// it.
 class PhysicsLink {
  public:
   virtual ~PhysicsLink() = default;
@@ -35,14 +36,23 @@ class PhysicsLink {
 /// Counters of the loop. Written by the loop alone, readable by any thread at any time.
 struct LoopCounters {
   std::atomic<std::uint64_t> ticks{0}, ticks_due{0}, overruns{0};
-  std::atomic<std::uint64_t> clamped{0}, slew_limited{0}, stale_ticks{0}, nonfinite{0}, overspeed{0}, thermal_limited{0},
-      passivity_ticks{0}, device_lost{0}, losses{0}, last_loss_ns{0};
-  std::atomic<double> force_square_sum_n2{0.0}, force_peak_n{0.0}, energy_absorbed_j{0.0}, energy_injected_j{0.0};
+  std::atomic<std::uint64_t> clamped{0}, slew_limited{0}, stale_ticks{0}, nonfinite{0}, overspeed{0},
+      thermal_limited{0}, passivity_ticks{0}, device_lost{0}, losses{0}, last_loss_ns{0};
+  std::atomic<double> force_square_sum_n2{0.0}, force_peak_n{0.0}, energy_absorbed_j{0.0}, energy_removed_j{0.0};
   rtbus::Histogram wakeup_ns, compute_ns, device_ns, proxy_age_ns;
 };
 
 /// What happened in a cycle that somebody should be told once, not every tick.
-enum class LoopEvent : std::uint8_t { kNone, kLinkLost, kLinkAlive, kDeviceLost, kDeviceBack, kOverspeed, kClutched, kReleased };
+enum class LoopEvent : std::uint8_t {
+  kNone,
+  kLinkLost,
+  kLinkAlive,
+  kDeviceLost,
+  kDeviceBack,
+  kOverspeed,
+  kClutched,
+  kReleased
+};
 
 class Loop {
  public:
@@ -50,8 +60,8 @@ class Loop {
   /// @param measure Record wake-up, compute and device time by the real clock; off under a simulated clock.
   Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& link, bool measure);
 
-  /// One cycle. @param deadline_ns When it should have started; 0: when the device measured (`clock: device`), so that the
-  /// wake-up latency is that from the measurement to here. @param now_ns Now. @realtime Yes.
+  /// One cycle. @param deadline_ns When it should have started; 0: when the device measured (`clock: device`), so that
+  /// the wake-up latency is that from the measurement to here. @param now_ns Now. @realtime Yes.
   void cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
   /// Zero force, at once, outside the ladder: the last thing a loop does. @realtime Yes.
@@ -73,10 +83,12 @@ class Loop {
   [[nodiscard]] rtbus::LoopStats stats() const;
 
  private:
+  [[nodiscard]] bool read_device(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   void take_news(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void enable_edge(bool enabled, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   void follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept RTBUS_NONBLOCKING;
-  void describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m, bool enabled) noexcept
-      RTBUS_NONBLOCKING;
+  void describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m,
+                     bool enabled) noexcept RTBUS_NONBLOCKING;
   void count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING;
   void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;
 
@@ -91,12 +103,15 @@ class Loop {
   SafetyLadder safety_;
   LinkMonitor monitor_;
 
-  ProxyView proxy_;                               ///< Newest proxy, at the device.
+  ProxyView proxy_;  ///< Newest proxy, at the device.
   rtbus::Stamped<rtbus::ProxyState> proxy_news_;
   rtbus::Stamped<rtbus::Heartbeat> beat_news_;
   drivers::DeviceSample sample_;
-  std::uint64_t last_sample_ns_ = 0;
   bool device_ok_ = false;
+  bool device_seen_ = false;   ///< It has answered once.
+  bool write_failed_ = false;  ///< The last force did not leave: the device holds zero, or soon will.
+  bool enabled_ = false;
+  std::uint64_t enabled_ns_ = 0;  ///< Since when; proxies that answer earlier samples are void.
   bool link_alive_ = false;
   bool overspeed_ = false;
   bool clutched_ = false;

@@ -11,6 +11,7 @@
 #include "haptic_node/node.hpp"
 #include "haptic_node/node_config.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/leash.hpp"
 
 namespace {
 
@@ -55,6 +56,7 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_node"));
   spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
   const sigset_t ending = block_ending_signals();
+  if (!rtbus::stay_on_leash()) return kExitFailed;
   use_small_stacks();
 
   std::unique_ptr<haptic::Node> node;
@@ -83,9 +85,14 @@ int main(int argc, char** argv) {
     spdlog::error("{}", started.error().message);
     return kExitFailed;
   }
-  int received = 0;
-  sigwait(&ending, &received);
+  int received = -1;
+  while (received < 0) {
+    const timespec pause{0, 50'000'000};
+    received = sigtimedwait(&ending, nullptr, &pause);
+    node->report_events();
+  }
   spdlog::info("{}, ending at zero force", strsignal(received));
   node->stop();
+  node->report_events();
   return 0;
 }

@@ -26,7 +26,8 @@ class Mapping {
 
   [[nodiscard]] Eigen::Vector3d position_to_world(const Eigen::Vector3d& p_D) const noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d velocity_to_world(const Eigen::Vector3d& v_D) const noexcept RTBUS_NONBLOCKING;
-  [[nodiscard]] Eigen::Quaterniond orientation_to_world(const Eigen::Quaterniond& q_DT) const noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] Eigen::Quaterniond orientation_to_world(const Eigen::Quaterniond& q_DT) const noexcept
+      RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d position_to_device(const Eigen::Vector3d& p_W) const noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d velocity_to_device(const Eigen::Vector3d& v_W) const noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d force_to_device(const Eigen::Vector3d& f_W) const noexcept RTBUS_NONBLOCKING;
@@ -34,6 +35,9 @@ class Mapping {
   /// Shifts the offset so that the device at p_D is at p_W in the world. The set-point jumps there with it, so no
   /// spring is stretched by the change; the epoch tells physics and force law to forget the old one.
   void rebase(const Eigen::Vector3d& p_D, const Eigen::Vector3d& p_W) noexcept RTBUS_NONBLOCKING;
+
+  /// The same mapping under a new epoch: whatever answers the old one is void.
+  void renew() noexcept RTBUS_NONBLOCKING { ++epoch_; }
 
   [[nodiscard]] const MappingConfig& config() const noexcept { return config_; }
   [[nodiscard]] std::uint32_t epoch() const noexcept { return epoch_; }

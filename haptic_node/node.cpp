@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <system_error>
 
 #include "haptic_node/bus_link.hpp"
 #include "haptic_node/rendering/registry.hpp"
@@ -29,14 +30,22 @@ void set_text(rtbus::Text<N>& out, std::string_view text) {
 
 const char* describe(LoopEvent event) {
   switch (event) {
-    case LoopEvent::kNone: break;
-    case LoopEvent::kLinkLost: return "physics is lost: force fades to zero";
-    case LoopEvent::kLinkAlive: return "physics is there: force ramps up";
-    case LoopEvent::kDeviceLost: return "the device does not answer: zero force";
-    case LoopEvent::kDeviceBack: return "the device answers";
-    case LoopEvent::kOverspeed: return "overspeed: force cut until the tip is slow again";
-    case LoopEvent::kClutched: return "clutch pressed: the tool waits where it is";
-    case LoopEvent::kReleased: return "clutch released: mapping re-based";
+    case LoopEvent::kNone:
+      break;
+    case LoopEvent::kLinkLost:
+      return "physics is lost: force fades to zero";
+    case LoopEvent::kLinkAlive:
+      return "physics is there: force ramps up";
+    case LoopEvent::kDeviceLost:
+      return "the device does not answer: zero force";
+    case LoopEvent::kDeviceBack:
+      return "the device answers";
+    case LoopEvent::kOverspeed:
+      return "overspeed: force cut until the tip is slow again";
+    case LoopEvent::kClutched:
+      return "clutch pressed: the tool waits where it is";
+    case LoopEvent::kReleased:
+      return "clutch released: mapping re-based";
   }
   return "";
 }
@@ -110,30 +119,45 @@ rtbus::Result<void, NodeFault> Node::start() {
   if (auto started = device_->start(rtbus::monotonic_ns()); !started) {
     return rtbus::Failure{NodeFault{config_.name + ": " + started.error().message}};
   }
-  spdlog::info("{}: {} at {:g} Hz, clock {}, method {}, K {:g} N/m, B {:g} N s/m, limit {:g} N", config_.name, device.model,
-               config_.rate_hz, config_.clock == LoopClock::kTimer ? "timer" : "device", config_.method,
+  spdlog::info("{}: {} at {:g} Hz, clock {}, method {}, K {:g} N/m, B {:g} N s/m, limit {:g} N", config_.name,
+               device.model, config_.rate_hz, config_.clock == LoopClock::kTimer ? "timer" : "device", config_.method,
                config_.stiffness_n_per_m, config_.damping_n_s_per_m, config_.safety.max_force_n);
   if (config_.stiffness_n_per_m < config_.stiffness_requested_n_per_m) {
-    spdlog::warn("{}: requested stiffness {:g} N/m lowered to {:g} N/m, the limit of {}", config_.name,
+    spdlog::warn("{}: requested stiffness {:g} N/m lowered to {:g} N/m, the limit of {} at this rate", config_.name,
                  config_.stiffness_requested_n_per_m, config_.stiffness_n_per_m, device.model);
   }
+  if (config_.damping_n_s_per_m < config_.damping_requested_n_s_per_m) {
+    spdlog::warn("{}: requested damping {:g} N s/m lowered to {:g} N s/m, what {} carries at {:g} Hz", config_.name,
+                 config_.damping_requested_n_s_per_m, config_.damping_n_s_per_m, device.model, config_.rate_hz);
+  }
   if (const double passive = std::max(0.0, config_.passive_stiffness_n_per_m()); config_.stiffness_n_per_m > passive) {
-    spdlog::info("{}: the device's own viscous damping makes a sampled wall passive up to {:g} N/m = 2(b - |B|)/T; beyond it "
-                 "friction, the hand and the passivity controller must", config_.name, passive);
+    spdlog::info(
+        "{}: the device's own viscous damping makes a sampled wall passive up to {:g} N/m = 2(b - |B|)/T; beyond it "
+        "friction, the hand and the passivity controller must",
+        config_.name, passive);
   }
   spdlog::info("{}: left out: {}", config_.name, left_out());
 
+  try {
+    start_threads();
+  } catch (const std::system_error& error) {
+    stop();
+    return rtbus::Failure{NodeFault{config_.name + ": no thread could be started: " + error.what()}};
+  }
+  if (config_.realtime_enforce && !grant_.fifo) {
+    stop();
+    return rtbus::Failure{NodeFault{config_.name + ": realtime.policy is enforce and SCHED_FIFO was not granted"}};
+  }
+  return {};
+}
+
+void Node::start_threads() {
   loop_thread_ = std::thread([this] { loop_thread(); });
   // The loop reports what it was granted before its first cycle.
   while (!granted_.load(std::memory_order_acquire)) std::this_thread::yield();
   spdlog::info("{}: granted: {}", config_.name, grant_.summary());
   for (const std::string& warning : grant_.warnings) spdlog::warn("{}: {}", config_.name, warning);
   house_thread_ = std::thread([this] { house_thread(); });
-  if (config_.realtime_enforce && !grant_.fifo) {
-    stop();
-    return rtbus::Failure{NodeFault{config_.name + ": realtime.policy is enforce and SCHED_FIFO was not granted"}};
-  }
-  return {};
 }
 
 void Node::stop() noexcept {
@@ -186,13 +210,15 @@ void Node::run_timer(std::uint64_t start_ns) noexcept {
 }
 
 void Node::run_device(std::uint64_t start_ns) noexcept {
-  // The device paces: a cycle starts when its sample is there, or after two periods without one, so that a silent device
-  // still gets its zero force and the counters go on. Periods without a cycle are overruns, as with the timer.
+  // The device paces: a cycle starts when its sample is there, or after two periods without one, so that a silent
+  // device still gets its zero force and the counters go on. Periods without a cycle are overruns, as with the timer.
   const std::uint64_t period_ns = config_.period_ns();
   std::uint64_t served = 0;
   std::uint64_t last_ns = start_ns;
   while (!stop_.load(std::memory_order_relaxed)) {
-    (void)device_->wait_sample(last_ns + 2 * period_ns);
+    const drivers::IoStatus waited = device_->wait_sample(last_ns + 2 * period_ns);
+    // A lost device may not turn the highest priority of the machine into a busy loop.
+    if (waited == drivers::IoStatus::kLost) rtbus::sleep_until(last_ns + period_ns);
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     loop_->cycle(0, now_ns);
     after_cycle();
@@ -201,6 +227,13 @@ void Node::run_device(std::uint64_t start_ns) noexcept {
     const std::uint64_t due = (now_ns - start_ns + period_ns / 2) / period_ns;
     loop_->count_schedule(std::max(due, served), due > served ? due - served : 0);
   }
+}
+
+void Node::report_events() {
+  events_.drain([this](const rtbus::Event& record) {
+    const auto event = static_cast<LoopEvent>(record.code);
+    spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));
+  });
 }
 
 void Node::publish_stats(double achieved_hz) noexcept {
@@ -232,12 +265,6 @@ void Node::house_thread() noexcept {
   std::uint64_t last_count_ns = rtbus::monotonic_ns();
   std::uint64_t last_ticks = 0;
   double achieved_hz = 0.0;
-  const auto drain = [this] {
-    events_.drain([this](const rtbus::Event& record) {
-      const auto event = static_cast<LoopEvent>(record.code);
-      spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));
-    });
-  };
 
   std::uint64_t due_ns = rtbus::monotonic_ns();
   for (int round = 0; !house_stop_.load(std::memory_order_acquire); ++round) {
@@ -249,7 +276,6 @@ void Node::house_thread() noexcept {
     topics_->link.maintain();
     device_->maintain();
     observed_.store(topics_->telemetry.observed(), std::memory_order_relaxed);
-    drain();
     if (round % kStatsEvery == 0) publish_stats(achieved_hz);
     if (round % kInfoEvery == 0) {
       topics_->node_info.publish(info, now_ns);
@@ -267,7 +293,6 @@ void Node::house_thread() noexcept {
   beat.state = static_cast<std::uint32_t>(rtbus::NodeState::kStopping);
   topics_->heartbeat.publish(beat, rtbus::monotonic_ns());
   publish_stats(achieved_hz);
-  drain();
 }
 
 }  // namespace haptic

@@ -20,8 +20,9 @@ struct NodeFault {
   std::string message;
 };
 
-/// Threads: `haptic_loop` (SCHED_FIFO) runs the cycle; `haptic_house` (low SCHED_FIFO when granted) sends the heartbeat, re-attaches
-/// topics, publishes statistics and drains the event log. Nothing that the loop needs is shared with a lock.
+/// Threads: `haptic_loop` (SCHED_FIFO) runs the cycle; `haptic_house` (low SCHED_FIFO when granted) sends the
+/// heartbeat, re-attaches topics and publishes statistics; neither ever writes to a terminal. Nothing that the loop
+/// needs is shared with a lock.
 class Node {
  public:
   /// Opens topics and device, in this order; nothing is left behind when it fails.
@@ -32,12 +33,17 @@ class Node {
   /// Starts both threads. Fails when `realtime.policy: enforce` was not granted.
   [[nodiscard]] rtbus::Result<void, NodeFault> start();
 
+  /// Tells the user what the loop has noted since the last call. It may block on a terminal that does not take its
+  /// text: for the thread that waits for signals, not for one that shows life. @realtime No.
+  void report_events();
+
   /// Ends the loop at zero force, stops the device, publishes the last statistics. Idempotent.
   void stop() noexcept;
 
  private:
   struct Topics;
   explicit Node(HapticConfig config);
+  void start_threads();
   void loop_thread() noexcept;
   void run_timer(std::uint64_t start_ns) noexcept;
   void run_device(std::uint64_t start_ns) noexcept;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 
 #include "haptic_node/rendering/registry.hpp"
 
@@ -14,6 +15,13 @@ using rtbus::config::Map;
 
 /// Hand speed that the slew limit must be able to follow on the stiffest spring (docs/safety.md).
 constexpr double kSlewHandSpeed_m_s = 0.6;
+/// A sampled spring on the bare tip is stable while K·T² is a small part of its mass (K < (b + B)/(T/2) is stricter and
+/// is what passivity watches): a tenth leaves a phase of 18 degrees per period.
+constexpr double kStiffnessPerMassRate2 = 0.1;
+/// A sampled damper is stable for B·T < 2m without a filter; the velocity filter adds its own delay 1/(2π·cutoff).
+constexpr double kDampingPerMassRate = 0.25;
+/// More shapes than these cost `direct` more than some microseconds in a tick.
+constexpr std::size_t kMaxDirectShapes = 32;
 
 std::string format_number(double value) {
   char text[32];
@@ -22,6 +30,7 @@ std::string format_number(double value) {
 }
 
 Eigen::Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
+Eigen::Vector3d to_vector(const drivers::Vec3& v) { return {v[0], v[1], v[2]}; }
 
 void read_mapping(Map& entry, HapticConfig& out) {
   auto map = entry.optional_map("mapping");
@@ -63,28 +72,31 @@ void read_safety(Map& entry, HapticConfig& out) {
                                      device.model + "; lower it or leave it out");
     }
     if (safety.slew_n_per_ms < slew_floor_n_per_ms) {
-      map->fail("slew_n_per_ms", "is below 2*K*v = " + format_number(slew_floor_n_per_ms) + " N/ms for K = " +
-                                     format_number(out.stiffness_n_per_m) +
+      map->fail("slew_n_per_ms", "is below 2*K*v = " + format_number(slew_floor_n_per_ms) +
+                                     " N/ms for K = " + format_number(out.stiffness_n_per_m) +
                                      " N/m and a hand at 0.6 m/s: the wall would lag; raise it or lower the stiffness");
     }
-    safety.start_ramp_s = map->number("start_ramp_ms", {0.0, 1e4}, 200.0) * 1e-3;
+    safety.start_ramp_s = map->number("start_ramp_ms", {50.0, 1e4}, 200.0) * 1e-3;
     safety.resume_ramp_s = map->number("resume_ramp_ms", {10.0, 1e4}, 100.0) * 1e-3;
-    safety.overspeed_m_s = map->number("overspeed_m_s", {0.1, 1e2}, safety.overspeed_m_s);
+    safety.overspeed_m_s = map->number("overspeed_m_s", {0.1, device.max_speed_m_s}, safety.overspeed_m_s);
     safety.stale_fade_s = map->number("stale_fade_ms", {0.0, 40.0}, 40.0) * 1e-3;
-    out.link.loss_timeout_s = map->number("loss_timeout_ms", {25.0, 1000.0}, 55.0) * 1e-3;
+    out.link.loss_timeout_s = map->number("loss_timeout_ms", {25.0, 60.0}, 55.0) * 1e-3;
     map->finish();
-  } else if (safety.slew_n_per_ms < slew_floor_n_per_ms) {
-    safety.slew_n_per_ms = slew_floor_n_per_ms;
   }
+  safety.stiffness_n_per_m = out.stiffness_n_per_m;
+  safety.force_timeout_s = device.force_timeout_s;
 
   PassivityConfig& passivity = safety.passivity;
-  // A spring of this stiffness cannot hold more than this when its force is at the limit.
+  // A spring of this stiffness cannot hold more than this: at the force limit, or stretched across the workspace.
+  const double workspace_m = (to_vector(device.workspace_max_m) - to_vector(device.workspace_min_m)).norm();
   passivity.reservoir_max_j =
-      safety.max_force_n * safety.max_force_n / (2.0 * std::max(out.stiffness_n_per_m, 1.0));
+      std::min(safety.max_force_n * safety.max_force_n / (2.0 * std::max(out.stiffness_n_per_m, 1e-9)),
+               0.5 * out.stiffness_n_per_m * workspace_m * workspace_m);
   // A tenth of m/T: the injected damper stays well inside its own sampled-data limit (2m/T) and its noise small.
   passivity.damping_max_n_s_per_m = 0.1 * device.apparent_mass_kg * out.rate_hz;
   passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
   passivity.coulomb_friction_n = device.coulomb_friction_n;
+  passivity.position_quantum_m = device.position_quantum_m;
 }
 
 void read_realtime(Map& entry, HapticConfig& out) {
@@ -113,7 +125,9 @@ void read_realtime(Map& entry, HapticConfig& out) {
 
 }  // namespace
 
-std::uint64_t HapticConfig::period_ns() const noexcept { return static_cast<std::uint64_t>(std::llround(1e9 / rate_hz)); }
+std::uint64_t HapticConfig::period_ns() const noexcept {
+  return static_cast<std::uint64_t>(std::llround(1e9 / rate_hz));
+}
 
 double HapticConfig::passive_stiffness_n_per_m() const noexcept {
   return 2.0 * (device->info().viscous_damping_n_s_per_m - std::abs(damping_n_s_per_m)) * rate_hz;
@@ -134,6 +148,10 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   if (out.clock == LoopClock::kDevice && !device.can_pace_loop) {
     entry.fail("clock", "needs a device that wakes the loop, which " + device.model + " does not; use timer");
   }
+  if (out.clock == LoopClock::kDevice && out.rate_hz != device.sample_rate_hz) {
+    entry.fail("rate_hz", "differs from " + format_number(device.sample_rate_hz) + " Hz, at which " + device.model +
+                              " samples and so, with clock: device, paces the loop; make them equal");
+  }
 
   std::vector<std::string> methods;
   for (const RendererEntry& row : registered_renderers()) methods.emplace_back(row.name);
@@ -147,14 +165,25 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
     entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");
   }
 
+  if (!method->needs_physics && out.shapes.size() > kMaxDirectShapes) {
+    entry.fail("method", "looks at every shape in every cycle and takes at most " + std::to_string(kMaxDirectShapes) +
+                             "; the scene has " + std::to_string(out.shapes.size()) + ": use remote_virtual_coupling");
+  }
+
+  out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
   auto coupling = entry.map("coupling");
   out.stiffness_requested_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
-  out.damping_n_s_per_m = coupling.number("damping_n_s_per_m", {0.0, 1e3}, 0.0);
+  out.damping_requested_n_s_per_m = coupling.number("damping_n_s_per_m", {0.0, 1e3}, 0.0);
   coupling.finish();
-  out.stiffness_n_per_m = std::min(out.stiffness_requested_n_per_m, device.max_stiffness_n_per_m);
+  // What device, rate and slew limit cannot carry is lowered, not refused: the same session runs on every device.
+  out.stiffness_n_per_m = std::min({out.stiffness_requested_n_per_m, device.max_stiffness_n_per_m,
+                                    kStiffnessPerMassRate2 * device.apparent_mass_kg * out.rate_hz * out.rate_hz,
+                                    device.max_slew_n_per_ms * 1e3 / (2.0 * kSlewHandSpeed_m_s)});
+  out.damping_n_s_per_m = std::min(out.damping_requested_n_s_per_m,
+                                   kDampingPerMassRate * device.apparent_mass_kg *
+                                       std::min(out.rate_hz, 2.0 * std::numbers::pi * out.velocity_cutoff_hz));
 
   read_mapping(entry, out);
-  out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {1.0, 5000.0}, 100.0);
   if (entry.has("enable_button")) out.enable_button = static_cast<int>(entry.integer("enable_button", 0, 31, 0));
   if (out.enable_button >= 0 && out.enable_button == out.clutch_button) {
     entry.fail("enable_button", "is also mapping.clutch_button; give them different buttons");

@@ -19,28 +19,30 @@ namespace haptic {
 enum class LoopClock : std::uint8_t { kTimer, kDevice };
 
 struct HapticConfig {
-  std::string name;                 ///< "haptic0"
+  std::string name;  ///< "haptic0"
   double rate_hz = 1000.0;
   LoopClock clock = LoopClock::kTimer;
-  std::string method;               ///< A row of rendering/registry.cpp.
+  std::string method;  ///< A row of rendering/registry.cpp.
   double stiffness_requested_n_per_m = 0.0;
-  double stiffness_n_per_m = 0.0;   ///< Rendered: lowered to what the device allows.
-  double damping_n_s_per_m = 0.0;
+  double stiffness_n_per_m = 0.0;  ///< Rendered: lowered to what device and rate allow.
+  double damping_requested_n_s_per_m = 0.0;
+  double damping_n_s_per_m = 0.0;  ///< Rendered: lowered to what mass, rate and velocity filter can carry.
   MappingConfig mapping;
-  int clutch_button = -1;           ///< −1: no clutch.
-  int enable_button = -1;           ///< −1: forces act from the start; else only while this button is held.
+  int clutch_button = -1;  ///< −1: no clutch.
+  int enable_button = -1;  ///< −1: forces act from the start; else only while this button is held.
   double velocity_cutoff_hz = 100.0;
   SafetyConfig safety;
   LinkMonitorConfig link;
   bool realtime_enforce = false;
   rtbus::RealtimeRequest realtime;
-  double spin_s = 0.0;              ///< Tail of each sleep that is spent spinning.
+  double spin_s = 0.0;  ///< Tail of each sleep that is spent spinning.
   std::unique_ptr<drivers::DeviceConfig> device;
   std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene.
 
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
-  /// K_max = 2(b − |B|)/T [N/m]: the stiffest sampled wall that this device renders passively by its own viscous damping
-  /// alone; negative: none (J. E. Colgate, G. Schenkel, "Passivity of a class of sampled-data systems", J. Robotic Systems 14(1), 1997).
+  /// K_max = 2(b − |B|)/T [N/m]: the stiffest sampled wall that this device renders passively by its own viscous
+  /// damping alone; negative: none (J. E. Colgate, G. Schenkel, "Passivity of a class of sampled-data systems", J.
+  /// Robotic Systems 14(1), 1997).
   [[nodiscard]] double passive_stiffness_n_per_m() const noexcept;
 };
 

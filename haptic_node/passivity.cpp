@@ -4,17 +4,42 @@
 
 namespace haptic {
 
-void Passivity::observe(const Eigen::Vector3d& held_force_n, const Eigen::Vector3d& moved_m,
+namespace {
+/// Ways shorter than so many encoder steps earn no credit.
+constexpr double kCreditQuanta = 8.0;
+}  // namespace
+
+double Passivity::burnt(const Eigen::Vector3d& position_m, double elapsed_s) noexcept {
+  // Encoder noise is not motion: friction is credited only over straight ways of several quanta, less what rounding can
+  // feign on three axes. That is a lower bound of the way really gone, and a tip that toggles on the spot earns
+  // nothing.
+  since_anchor_s_ += elapsed_s;
+  const double way = (position_m - anchor_m_).norm();
+  if (way < kCreditQuanta * config_.position_quantum_m || way <= 0.0) return 0.0;
+  const double sure = way - 2.0 * config_.position_quantum_m;
+  const double energy =
+      sure * (config_.viscous_damping_n_s_per_m * sure / since_anchor_s_ + config_.coulomb_friction_n);
+  anchor_m_ = position_m;
+  since_anchor_s_ = 0.0;
+  return energy;
+}
+
+void Passivity::observe(const Eigen::Vector3d& mean_force_n, const Eigen::Vector3d& position_m,
                         double elapsed_s) noexcept {
+  if (!primed_) {
+    primed_ = true;
+    position_m_ = anchor_m_ = position_m;
+    return;
+  }
   if (elapsed_s <= 0.0) return;
   // The force on the hand does −F·dx of work on our side of the port.
-  const double absorbed = -held_force_n.dot(moved_m);
+  const double absorbed = -mean_force_n.dot(position_m - position_m_);
+  position_m_ = position_m;
   absorbed_j_ += absorbed;
-  // What the mechanics burnt on the same way: b·v² and f_c·|v| with the mean speed, a lower bound of the true figure.
-  const double distance = moved_m.norm();
-  const double burnt = distance * (config_.viscous_damping_n_s_per_m * distance / elapsed_s + config_.coulomb_friction_n);
-  // The cap keeps a long stretch of friction from becoming credit for an instability later.
-  ledger_j_ = std::min(ledger_j_ + absorbed + burnt, config_.reservoir_max_j);
+  // The cap keeps a long stretch of friction from becoming credit for an instability later; the floor keeps one bad
+  // moment from making the device viscous for seconds.
+  ledger_j_ = std::clamp(ledger_j_ + absorbed + burnt(position_m, elapsed_s), -config_.reservoir_max_j,
+                         config_.reservoir_max_j);
 }
 
 Eigen::Vector3d Passivity::control(const Eigen::Vector3d& force_n, const Eigen::Vector3d& velocity_m_s, double dt_s,

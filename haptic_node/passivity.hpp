@@ -13,10 +13,12 @@
 namespace haptic {
 
 struct PassivityConfig {
-  double reservoir_max_j = 0.0;     ///< What may be stored and given back: the energy of the fully stretched coupling.
-  double damping_max_n_s_per_m = 0.0;  ///< Ceiling of the injected damper: more would amplify velocity noise.
+  double reservoir_max_j = 0.0;  ///< What may be stored and given back: the energy of the fully stretched coupling. The
+                                 ///< debt is bounded by the same figure.
+  double damping_max_n_s_per_m = 0.0;      ///< Ceiling of the injected damper: more would amplify velocity noise.
   double viscous_damping_n_s_per_m = 0.0;  ///< Of the device: energy it burns by itself (DeviceInfo, lower bound).
   double coulomb_friction_n = 0.0;         ///< Likewise.
+  double position_quantum_m = 0.0;         ///< Of the encoders: what toggles by less than some of these is not motion.
 };
 
 /// @realtime Yes, all of it.
@@ -24,11 +26,11 @@ class Passivity {
  public:
   explicit Passivity(const PassivityConfig& config) noexcept : config_(config) {}
 
-  /// Start of a cycle: books the work of the force that was held since the last one.
-  /// @param held_force_n What left then, in D. @param moved_m Displacement of the tip since then, in D.
-  /// @param elapsed_s Time since then.
-  void observe(const Eigen::Vector3d& held_force_n, const Eigen::Vector3d& moved_m, double elapsed_s) noexcept
-      RTBUS_NONBLOCKING;
+  /// A new position: books the work of the force that acted since the last one.
+  /// @param mean_force_n Mean over time of what acted on the hand, in D. @param position_m p_DT now. @param elapsed_s
+  /// Time since the last call.
+  void observe(const Eigen::Vector3d& mean_force_n, const Eigen::Vector3d& position_m,
+               double elapsed_s) noexcept RTBUS_NONBLOCKING;
 
   /// The force that may leave: `force_n`, plus a damper when the ledger is in debt. `acted` tells whether it was.
   [[nodiscard]] Eigen::Vector3d control(const Eigen::Vector3d& force_n, const Eigen::Vector3d& velocity_m_s,
@@ -42,7 +44,13 @@ class Passivity {
   [[nodiscard]] double dissipated_j() const noexcept { return dissipated_j_; }
 
  private:
+  [[nodiscard]] double burnt(const Eigen::Vector3d& position_m, double elapsed_s) noexcept RTBUS_NONBLOCKING;
+
   PassivityConfig config_;
+  bool primed_ = false;
+  Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();  ///< At the last observe().
+  Eigen::Vector3d anchor_m_ = Eigen::Vector3d::Zero();    ///< Friction is credited from here on …
+  double since_anchor_s_ = 0.0;                           ///< … and for so long.
   double absorbed_j_ = 0.0;
   double ledger_j_ = 0.0;
   double dissipated_j_ = 0.0;

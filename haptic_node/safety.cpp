@@ -3,52 +3,76 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rtbus/clock.hpp"
+
 namespace haptic {
 
 namespace {
-/// Toward zero, and where the change opposes the motion, a fast force takes energy out: it may.
-constexpr double kFastSlewFactor = 10.0;
+/// A force may fall toward zero so much faster than it may grow.
+constexpr double kFallingSlewFactor = 10.0;
+/// A force against the motion may grow by so many times K·|v| besides the slew limit: what a wall asks for, with room …
+constexpr double kDissipativeSlewFactor = 4.0;
+/// … where the speed is more than the noise of its estimate.
+constexpr double kNoiseSpeed_m_s = 0.05;
 /// After an overspeed cut the tip must stay below this part of the limit …
 constexpr double kOverspeedRelease = 0.5;
 /// … for so long before force comes back.
 constexpr double kOverspeedHold_s = 0.1;
+/// Bandwidth of the overspeed watch: 5 m/s is seen within two milliseconds.
+constexpr double kOverspeedCutoff_hz = 100.0;
+/// The thermal limit starts to close at this part of the continuous load.
+constexpr double kThermalKnee = 0.8;
 /// Beyond these a value is as meaningless as one that is not a number, and its square would soon overflow.
 constexpr double kAbsurdPosition_m = 1e3;
 constexpr double kAbsurdSpeed_m_s = 1e6;
 constexpr double kAbsurdForce_n = 1e9;
-/// The thermal limit starts to close at this part of the continuous load.
-constexpr double kThermalKnee = 0.8;
+
 bool sane(const Eigen::Vector3d& v, double bound) noexcept { return v.allFinite() && v.cwiseAbs().maxCoeff() < bound; }
 
+Eigen::Vector3d shortened(const Eigen::Vector3d& v, double limit) noexcept {
+  const double norm = v.norm();
+  return norm <= limit ? v : Eigen::Vector3d(v * (limit / norm));
+}
 }  // namespace
 
-SafetyLadder::SafetyLadder(const SafetyConfig& config) noexcept : config_(config), passivity_(config.passivity) {}
+SafetyLadder::SafetyLadder(const SafetyConfig& config) noexcept
+    : config_(config),
+      passivity_(config.passivity),
+      speed_(kOverspeedCutoff_hz),
+      // Nobody knows how warm the windings are: the peak is free, but only just.
+      thermal_load_n2_(kThermalKnee * config.continuous_force_n * config.continuous_force_n) {}
 
 Eigen::Vector3d SafetyLadder::clamp(const Eigen::Vector3d& force_n, double limit_n, std::uint32_t bit,
                                     std::uint32_t& acted) const noexcept {
-  const double norm = force_n.norm();
-  if (norm <= limit_n) return force_n;
+  if (force_n.norm() <= limit_n) return force_n;
   acted |= bit;
-  return force_n * (limit_n / norm);
+  return shortened(force_n, limit_n);
 }
 
 Eigen::Vector3d SafetyLadder::limit_slew(const Eigen::Vector3d& force_n, const SafetyInput& input,
                                          std::uint32_t& acted) noexcept {
-  const Eigen::Vector3d change = force_n - slewed_n_;
-  const bool harmless = force_n.squaredNorm() <= slewed_n_.squaredNorm() || change.dot(input.velocity_m_s) < 0.0;
-  const double allowed = config_.slew_n_per_ms * 1e3 * input.dt_s * (harmless ? kFastSlewFactor : 1.0);
-  const double wanted = change.norm();
-  if (wanted > allowed) {
-    acted |= kSlewLimited;
-    slewed_n_ += change * (allowed / wanted);
-  } else {
-    slewed_n_ = force_n;
+  const double slow = config_.slew_n_per_ms * 1e3 * input.dt_s;
+  // First the part that takes the present force back along its own direction, at most to zero: that may be fast.
+  if (const double norm = slewed_n_.norm(); norm > 0.0) {
+    const Eigen::Vector3d direction = slewed_n_ / norm;
+    const double wanted = std::clamp(force_n.dot(direction), 0.0, norm);
+    slewed_n_ -= std::min(norm - wanted, kFallingSlewFactor * slow) * direction;
   }
+  // Then whatever is left: growing, turning, reversing. A wall that is hit grows as fast as the hand moves into it.
+  const Eigen::Vector3d change = force_n - slewed_n_;
+  double allowed = slow;
+  const double speed = input.velocity_m_s.norm();
+  if (speed > kNoiseSpeed_m_s && change.dot(input.velocity_m_s) < 0.0 && force_n.dot(input.velocity_m_s) < 0.0) {
+    allowed += kDissipativeSlewFactor * config_.stiffness_n_per_m * speed * input.dt_s;
+  }
+  if (change.norm() > allowed) acted |= kSlewLimited;
+  slewed_n_ += shortened(change, allowed);
   return slewed_n_;
 }
 
 void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
-  const double speed = input.velocity_m_s.norm();
+  if (!input.device_ok) return;
+  const double speed = speed_.update(input.position_m, input.sample_time_ns).norm();
   if (speed > config_.overspeed_m_s) {
     overspeed_ = true;
     slow_s_ = 0.0;
@@ -59,18 +83,21 @@ void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
 }
 
 double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept {
+  const bool open = input.enabled && input.link_alive;
+  if (open) {
+    fading_ = false;
+  } else if (!fading_) {
+    fading_ = true;
+    fade_from_n_ = sent_n_.norm();
+  }
   if (overspeed_ || !input.device_ok) {
     // A cut, not a fade: the tip is running away, or nobody knows where it is.
     gate_ = 0.0;
     acted |= overspeed_ ? kOverspeed : kDeviceLost;
-    return gate_;
-  }
-  if (!input.enabled || !input.link_alive) {
+  } else if (!open) {
     gate_ = config_.stale_fade_s > 0.0 ? std::max(0.0, gate_ - input.dt_s / config_.stale_fade_s) : 0.0;
     acted |= input.enabled ? kStale : kDisabled;
-    return gate_;
-  }
-  if (gate_ < 1.0) {
+  } else if (gate_ < 1.0) {
     const double ramp_s = ever_open_ ? config_.resume_ramp_s : config_.start_ramp_s;
     gate_ = ramp_s > 0.0 ? std::min(1.0, gate_ + input.dt_s / ramp_s) : 1.0;
     acted |= kRamping;
@@ -89,23 +116,50 @@ double SafetyLadder::thermal_limit_n() const noexcept {
   return std::sqrt(peak2 - (peak2 - continuous2) * excess);
 }
 
+void SafetyLadder::hold(const Eigen::Vector3d& force_n, std::uint64_t until_ns) noexcept {
+  if (until_ns <= held_until_ns_) return;
+  // Longer than its time-out no device holds a force.
+  impulse_n_s_ += force_n * std::min(rtbus::seconds_between(held_until_ns_, until_ns), config_.force_timeout_s);
+  held_until_ns_ = until_ns;
+}
+
+void SafetyLadder::book_energy(const SafetyInput& input) noexcept {
+  // The force of the cycle before last acted until the last cycle wrote its own; a device that delivers late samples
+  // and takes forces late is booked as it was, not as it was meant.
+  if (last_cycle_ns_ != 0 && last_sample_ns_ != 0) {
+    const std::uint64_t until_ns = input.device_ok ? input.sample_time_ns : input.now_ns;
+    hold(before_n_, std::min(last_cycle_ns_, until_ns));
+    hold(sent_n_, until_ns);
+  }
+  if (!input.device_ok || (last_sample_ns_ != 0 && input.sample_time_ns <= last_sample_ns_)) return;
+  const double elapsed_s = last_sample_ns_ == 0 ? 0.0 : rtbus::seconds_between(last_sample_ns_, input.sample_time_ns);
+  passivity_.observe(elapsed_s > 0.0 ? Eigen::Vector3d(impulse_n_s_ / elapsed_s) : Eigen::Vector3d::Zero(),
+                     input.position_m, elapsed_s);
+  impulse_n_s_.setZero();
+  last_sample_ns_ = held_until_ns_ = input.sample_time_ns;
+}
+
+void SafetyLadder::start_over() noexcept {
+  gate_ = 0.0;
+  slewed_n_.setZero();
+  sent_n_.setZero();
+  before_n_.setZero();
+  speed_.reset();
+}
+
 SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   SafetyOutput out;
-  const bool state_finite = sane(input.position_m, kAbsurdPosition_m) && sane(input.velocity_m_s, kAbsurdSpeed_m_s);
   SafetyInput checked = input;
-  if (!state_finite) {
+  if (!sane(input.position_m, kAbsurdPosition_m) || !sane(input.velocity_m_s, kAbsurdSpeed_m_s)) {
     // A pose that is not a number: as good as no device.
     checked.device_ok = false;
-    checked.position_m = last_position_m_;
     checked.velocity_m_s.setZero();
     out.acted |= kNonfinite;
   }
 
-  // Book the work of the force that was held since the last cycle, over the way the tip really went.
-  if (primed_ && checked.device_ok) passivity_.observe(sent_n_, checked.position_m - last_position_m_, checked.elapsed_s);
-  if (checked.device_ok) {
-    last_position_m_ = checked.position_m;
-    primed_ = true;
+  book_energy(checked);
+  if (last_cycle_ns_ != 0 && rtbus::seconds_between(last_cycle_ns_, checked.now_ns) > config_.force_timeout_s) {
+    start_over();
   }
 
   Eigen::Vector3d force = checked.force_n;
@@ -118,16 +172,22 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   watch_speed(checked);
   out.gate = update_gate(checked, out.acted);
   force *= out.gate;
-  force = clamp(force, thermal_limit_n(), kThermalLimited, out.acted);
+  // A fade only ever falls, also when the law goes on pulling harder at a proxy that stands still.
+  if (fading_) force = shortened(force, fade_from_n_ * out.gate);
+  const double thermal_n = thermal_limit_n();
+  force = clamp(force, thermal_n, kThermalLimited, out.acted);
 
   bool damped = false;
   if (out.gate > 0.0) force = passivity_.control(force, checked.velocity_m_s, checked.dt_s, damped);
   if (damped) out.acted |= kPassivity;
-  force = clamp(force, config_.max_force_n, kClamped, out.acted);
+  force = clamp(force, std::min(config_.max_force_n, thermal_n), kClamped, out.acted);
 
-  const double weight = checked.dt_s / (checked.dt_s + config_.thermal_time_constant_s);
+  const double since_s = last_cycle_ns_ == 0 ? checked.dt_s : rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
+  const double weight = since_s / (since_s + config_.thermal_time_constant_s);
   thermal_load_n2_ += weight * (force.squaredNorm() - thermal_load_n2_);
+  before_n_ = sent_n_;
   sent_n_ = force;
+  last_cycle_ns_ = checked.now_ns;
   out.force_n = force;
   return out;
 }

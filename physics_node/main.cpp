@@ -16,6 +16,7 @@
 #include "physics_node/node.hpp"
 #include "physics_node/node_config.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/leash.hpp"
 
 namespace {
 
@@ -50,6 +51,7 @@ std::string help_footer() {
 int main(int argc, char** argv) {
   CLI::App app{"Physics node: simulates the world of a session and the proxy of each of its haptic devices.",
                "physics_node"};
+  if (!rtbus::stay_on_leash()) return kExitFailed;
   std::string file;
   std::vector<std::string> assignments;
   app.add_option("--config", file, "Session file, for example config/wall.yaml")->required()->type_name("FILE");

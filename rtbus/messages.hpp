@@ -3,7 +3,8 @@
 /// What the nodes say to each other. Frames: D device base (x right, y up, z towards the user), W world (right-handed,
 /// y up), T tool tip, P proxy. Quaternions are (w, x, y, z). SI units. Stamps are CLOCK_MONOTONIC.
 ///
-/// A change here changes the type hash: both ends must be rebuilt, and docs/shared-memory-layout.md and CHANGELOG follow.
+/// A change here changes the type hash: both ends must be rebuilt, and docs/shared-memory-layout.md and CHANGELOG
+/// follow.
 #include <array>
 #include <cstdint>
 
@@ -18,18 +19,18 @@ using Text = std::array<char, N>;
 
 /// `<haptic>.device_state`, every tick: where the hand is, and where that is in the world.
 struct DeviceState {
-  Vec3 position_m{};                        ///< p_DT.
-  Vec3 velocity_m_s{};                      ///< v_DT, estimated.
-  Quat orientation_wxyz{1, 0, 0, 0};        ///< q_DT.
-  Vec3 target_position_m{};                 ///< p_WT after the mapping D→W: what the proxy is pulled to.
-  Vec3 target_velocity_m_s{};               ///< v_WT.
-  Quat target_orientation_wxyz{1, 0, 0, 0}; ///< q_WT.
-  double position_scale = 1.0;              ///< Metres of world per metre of device.
-  double force_scale = 1.0;                 ///< Newtons in the world per newton at the device.
-  std::uint64_t sample_time_ns = 0;         ///< When the device measured the pose.
-  std::uint32_t buttons = 0;                ///< Bit i: button i.
-  std::uint32_t mapping_epoch = 0;          ///< Grows when clutch or scale re-bases the mapping.
-  std::uint32_t enabled = 0;                ///< 1 while forces may act.
+  Vec3 position_m{};                         ///< p_DT.
+  Vec3 velocity_m_s{};                       ///< v_DT, estimated.
+  Quat orientation_wxyz{1, 0, 0, 0};         ///< q_DT.
+  Vec3 target_position_m{};                  ///< p_WT after the mapping D→W: what the proxy is pulled to.
+  Vec3 target_velocity_m_s{};                ///< v_WT.
+  Quat target_orientation_wxyz{1, 0, 0, 0};  ///< q_WT.
+  double position_scale = 1.0;               ///< Metres of world per metre of device.
+  double force_scale = 1.0;                  ///< Newtons in the world per newton at the device.
+  std::uint64_t sample_time_ns = 0;          ///< When the device measured the pose.
+  std::uint32_t buttons = 0;                 ///< Bit i: button i.
+  std::uint32_t mapping_epoch = 0;           ///< Grows when the mapping is re-based and each time forces are enabled.
+  std::uint32_t enabled = 0;                 ///< 1 while forces may act.
   std::uint32_t reserved = 0;
 };
 
@@ -56,81 +57,82 @@ enum class NodeState : std::uint32_t { kStarting = 0, kRunning = 1, kStopping = 
 /// `<node>.heartbeat`, every 20 ms from a thread of its own: the process is alive and not stopped.
 struct Heartbeat {
   std::uint64_t beats = 0;
-  std::uint64_t last_work_ns = 0;    ///< When the last step or tick was finished.
-  std::uint64_t work_period_ns = 0;  ///< Declared period of the steps or ticks.
-  std::uint64_t work_compute_ns = 0; ///< Compute time of the last step or tick.
+  std::uint64_t last_work_ns = 0;     ///< When the last step or tick was finished.
+  std::uint64_t work_period_ns = 0;   ///< Declared period of the steps or ticks.
+  std::uint64_t work_compute_ns = 0;  ///< Compute time of the last step or tick.
   std::uint32_t pid = 0;
-  std::uint32_t state = 0;           ///< NodeState.
+  std::uint32_t state = 0;  ///< NodeState.
 };
 
 /// `<node>.node_info`, once a second: who this is, for tools and reports.
 struct NodeInfo {
-  Text<16> role{};         ///< "haptic" or "physics".
-  Text<32> kind{};         ///< Device model of a haptic node, engine of a physics node.
-  Text<32> method{};       ///< Rendering method; empty for physics.
-  Text<16> clock{};        ///< "timer" or "device"; "fixed" or "throttled" for physics.
-  Text<16> scheduling{};   ///< "SCHED_FIFO" or "SCHED_OTHER", as granted.
-  Text<128> realtime{};    ///< RealtimeGrant::summary().
-  Text<256> left_out{};    ///< Comma-separated: what this scene did not need.
-  double rate_hz = 0.0;    ///< Declared rate.
+  Text<16> role{};        ///< "haptic" or "physics".
+  Text<32> kind{};        ///< Device model of a haptic node, engine of a physics node.
+  Text<32> method{};      ///< Rendering method; empty for physics.
+  Text<16> clock{};       ///< "timer" or "device"; "fixed" or "throttled" for physics.
+  Text<16> scheduling{};  ///< "SCHED_FIFO" or "SCHED_OTHER", as granted.
+  Text<128> realtime{};   ///< RealtimeGrant::summary().
+  Text<256> left_out{};   ///< Comma-separated: what this scene did not need.
+  double rate_hz = 0.0;   ///< Declared rate.
   double force_limit_n = 0.0;
   double stiffness_requested_n_per_m = 0.0;
   double stiffness_rendered_n_per_m = 0.0;  ///< After the device's and rate's limit.
-  std::uint32_t core = 0;  ///< CPU number, or 0xffffffff when not pinned.
+  std::uint32_t core = 0;                   ///< CPU number, or 0xffffffff when not pinned.
   std::uint32_t bodies = 0;
 };
 
 /// `<haptic>.loop_stats`, 5 Hz: counters since start and percentiles over everything since start.
 struct LoopStats {
-  double rate_hz = 0.0;               ///< Declared.
-  double achieved_hz = 0.0;           ///< Ticks served over the last second.
+  double rate_hz = 0.0;      ///< Declared.
+  double achieved_hz = 0.0;  ///< Ticks served over the last second.
   double wakeup_p50_us = 0.0, wakeup_p99_us = 0.0, wakeup_p999_us = 0.0, wakeup_max_us = 0.0;
   double compute_p50_us = 0.0, compute_p99_us = 0.0, compute_max_us = 0.0;  ///< Without the device's read and write.
   double device_p50_us = 0.0, device_p99_us = 0.0, device_max_us = 0.0;     ///< Device::read plus Device::write.
   double proxy_age_p50_ms = 0.0, proxy_age_p99_ms = 0.0, proxy_age_max_ms = 0.0;
   double force_rms_n = 0.0, force_peak_n = 0.0;  ///< Of the force that left.
-  double energy_absorbed_j = 0.0;     ///< Work done by the hand on the device's force since start; negative: we made energy.
-  double energy_injected_j = 0.0;     ///< Removed by the passivity damper.
-  std::uint64_t ticks_due = 0;        ///< Periods that passed since the loop started.
-  std::uint64_t ticks = 0;            ///< Cycles served.
-  std::uint64_t overruns = 0;         ///< Periods skipped because a cycle began or ended late.
+  double energy_absorbed_j =
+      0.0;  ///< Work done by the hand on the device's force since start; negative: we made energy.
+  double energy_removed_j = 0.0;  ///< Removed by the passivity damper.
+  std::uint64_t ticks_due = 0;    ///< Periods that passed since the loop started.
+  std::uint64_t ticks = 0;        ///< Cycles served.
+  std::uint64_t overruns = 0;     ///< Periods skipped because a cycle began or ended late.
   std::uint64_t clamped = 0, slew_limited = 0, stale_ticks = 0, nonfinite = 0, overspeed = 0, thermal_limited = 0,
                 passivity_ticks = 0, device_lost = 0;  ///< Ticks in which that rung acted.
-  std::uint64_t losses = 0;           ///< Times physics was declared lost.
-  std::uint64_t last_loss_ns = 0;     ///< When; 0: never.
+  std::uint64_t losses = 0;                            ///< Times physics was declared lost.
+  std::uint64_t last_loss_ns = 0;                      ///< When; 0: never.
 };
 
 /// `<haptic>.telemetry`, every tick while somebody looks: everything the cycle knew and did.
 struct Telemetry {
   std::uint64_t tick = 0;
-  std::uint64_t due_ns = 0;           ///< Deadline this cycle was due at.
-  std::uint64_t device_time_ns = 0;   ///< When the device measured the pose.
-  Vec3 position_m{};                  ///< p_DT.
-  Vec3 velocity_m_s{};                ///< v_DT, estimated.
-  Vec3 proxy_position_m{};            ///< p_DP used by this cycle (mapped W→D).
-  Vec3 proxy_velocity_m_s{};          ///< v_DP.
-  Vec3 rendered_force_n{};            ///< From the force law, before safety, in D.
-  Vec3 force_n{};                     ///< What left for the device, in D.
-  double energy_absorbed_j = 0.0;     ///< As in LoopStats.
-  double energy_ledger_j = 0.0;       ///< Passivity reservoir.
-  double gate = 0.0;                  ///< Product of start ramp and stale fade, 0…1.
-  double wakeup_us = 0.0;             ///< Start of the cycle after its deadline.
+  std::uint64_t due_ns = 0;          ///< Deadline this cycle was due at.
+  std::uint64_t device_time_ns = 0;  ///< When the device measured the pose.
+  Vec3 position_m{};                 ///< p_DT.
+  Vec3 velocity_m_s{};               ///< v_DT, estimated.
+  Vec3 proxy_position_m{};           ///< p_DP used by this cycle (mapped W→D).
+  Vec3 proxy_velocity_m_s{};         ///< v_DP.
+  Vec3 rendered_force_n{};           ///< From the force law, before safety, in D.
+  Vec3 force_n{};                    ///< What left for the device, in D.
+  double energy_absorbed_j = 0.0;    ///< As in LoopStats.
+  double energy_ledger_j = 0.0;      ///< Passivity reservoir.
+  double gate = 0.0;                 ///< Product of start ramp and stale fade, 0…1.
+  double wakeup_us = 0.0;            ///< Start of the cycle after its deadline.
   double compute_us = 0.0;
   double device_us = 0.0;
-  std::uint64_t proxy_sequence = 0;   ///< Of the ProxyState used; 0: none.
-  std::uint64_t proxy_age_ns = 0;     ///< now − its device_time_ns.
-  std::uint32_t safety = 0;           ///< Bits of haptic::SafetyBit that acted.
+  std::uint64_t proxy_sequence = 0;  ///< Of the ProxyState used; 0: none.
+  std::uint64_t proxy_age_ns = 0;    ///< now − its device_time_ns.
+  std::uint32_t safety = 0;          ///< Bits of haptic::SafetyBit that acted.
   std::uint32_t buttons = 0;
 };
 
 /// `physics.step_stats`, 5 Hz.
 struct StepStats {
-  double rate_hz = 0.0;       ///< Declared.
-  double achieved_hz = 0.0;   ///< Steps over the last second.
+  double rate_hz = 0.0;                                            ///< Declared.
+  double achieved_hz = 0.0;                                        ///< Steps over the last second.
   double step_p50_ms = 0.0, step_p99_ms = 0.0, step_max_ms = 0.0;  ///< Engine time per step.
   double simulated_s = 0.0;
   std::uint64_t steps = 0;
-  std::uint64_t late = 0;     ///< Steps whose period was over before they were.
+  std::uint64_t late = 0;  ///< Steps whose period was over before they were.
   std::uint64_t bodies = 0;
 };
 
@@ -141,11 +143,11 @@ struct PlantCommand {
 
 /// `<haptic>.plant_state`, every plant tick with `process: own`: what the device measures and what the hand feels.
 struct PlantState {
-  Vec3 position_m{};        ///< p_DT, quantised as the encoders do.
-  Vec3 true_position_m{};   ///< p_DT of the mechanics.
+  Vec3 position_m{};       ///< p_DT, quantised as the encoders do.
+  Vec3 true_position_m{};  ///< p_DT of the mechanics.
   Vec3 true_velocity_m_s{};
-  Vec3 applied_force_n{};   ///< Actuator force acting on the tip now, in D.
-  Vec3 hand_force_n{};      ///< Hand on the tip, in D.
+  Vec3 applied_force_n{};  ///< Actuator force acting on the tip now, in D.
+  Vec3 hand_force_n{};     ///< Hand on the tip, in D.
   std::uint64_t sample_time_ns = 0;
   std::uint32_t buttons = 0;
   std::uint32_t timed_out = 0;  ///< 1 while the plant holds zero because commands stopped coming.
@@ -155,93 +157,131 @@ template <>
 struct SampleTraits<DeviceState> {
   static constexpr std::string_view kName = "rtbus/DeviceState";
   using T = DeviceState;
-  static constexpr std::array kFields{
-      RTBUS_FIELD(T, position_m, "m"),        RTBUS_FIELD(T, velocity_m_s, "m/s"),
-      RTBUS_FIELD(T, orientation_wxyz, "1"),  RTBUS_FIELD(T, target_position_m, "m"),
-      RTBUS_FIELD(T, target_velocity_m_s, "m/s"), RTBUS_FIELD(T, target_orientation_wxyz, "1"),
-      RTBUS_FIELD(T, position_scale, "m/m"),  RTBUS_FIELD(T, force_scale, "N/N"),
-      RTBUS_FIELD(T, sample_time_ns, "ns"),   RTBUS_FIELD(T, buttons, "bits"),
-      RTBUS_FIELD(T, mapping_epoch, "1"),     RTBUS_FIELD(T, enabled, "bool"),
-      RTBUS_FIELD(T, reserved, "1")};
+  static constexpr std::array kFields{RTBUS_FIELD(T, position_m, "m"),
+                                      RTBUS_FIELD(T, velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, orientation_wxyz, "1"),
+                                      RTBUS_FIELD(T, target_position_m, "m"),
+                                      RTBUS_FIELD(T, target_velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, target_orientation_wxyz, "1"),
+                                      RTBUS_FIELD(T, position_scale, "m/m"),
+                                      RTBUS_FIELD(T, force_scale, "N/N"),
+                                      RTBUS_FIELD(T, sample_time_ns, "ns"),
+                                      RTBUS_FIELD(T, buttons, "bits"),
+                                      RTBUS_FIELD(T, mapping_epoch, "1"),
+                                      RTBUS_FIELD(T, enabled, "bool"),
+                                      RTBUS_FIELD(T, reserved, "1")};
 };
 template <>
 struct SampleTraits<ProxyState> {
   static constexpr std::string_view kName = "rtbus/ProxyState";
   using T = ProxyState;
   static constexpr std::array kFields{
-      RTBUS_FIELD(T, position_m, "m"),         RTBUS_FIELD(T, velocity_m_s, "m/s"),
-      RTBUS_FIELD(T, orientation_wxyz, "1"),   RTBUS_FIELD(T, angular_velocity_rad_s, "rad/s"),
-      RTBUS_FIELD(T, coupling_force_n, "N"),   RTBUS_FIELD(T, contact_force_n, "N"),
-      RTBUS_FIELD(T, step_s, "s"),             RTBUS_FIELD(T, step_compute_s, "s"),
-      RTBUS_FIELD(T, device_sequence, "1"),    RTBUS_FIELD(T, device_time_ns, "ns"),
-      RTBUS_FIELD(T, step_index, "1"),         RTBUS_FIELD(T, contacts, "1"),
+      RTBUS_FIELD(T, position_m, "m"),       RTBUS_FIELD(T, velocity_m_s, "m/s"),
+      RTBUS_FIELD(T, orientation_wxyz, "1"), RTBUS_FIELD(T, angular_velocity_rad_s, "rad/s"),
+      RTBUS_FIELD(T, coupling_force_n, "N"), RTBUS_FIELD(T, contact_force_n, "N"),
+      RTBUS_FIELD(T, step_s, "s"),           RTBUS_FIELD(T, step_compute_s, "s"),
+      RTBUS_FIELD(T, device_sequence, "1"),  RTBUS_FIELD(T, device_time_ns, "ns"),
+      RTBUS_FIELD(T, step_index, "1"),       RTBUS_FIELD(T, contacts, "1"),
       RTBUS_FIELD(T, mapping_epoch, "1")};
 };
 template <>
 struct SampleTraits<Heartbeat> {
   static constexpr std::string_view kName = "rtbus/Heartbeat";
   using T = Heartbeat;
-  static constexpr std::array kFields{
-      RTBUS_FIELD(T, beats, "1"),           RTBUS_FIELD(T, last_work_ns, "ns"), RTBUS_FIELD(T, work_period_ns, "ns"),
-      RTBUS_FIELD(T, work_compute_ns, "ns"), RTBUS_FIELD(T, pid, "1"),          RTBUS_FIELD(T, state, "1")};
+  static constexpr std::array kFields{RTBUS_FIELD(T, beats, "1"),
+                                      RTBUS_FIELD(T, last_work_ns, "ns"),
+                                      RTBUS_FIELD(T, work_period_ns, "ns"),
+                                      RTBUS_FIELD(T, work_compute_ns, "ns"),
+                                      RTBUS_FIELD(T, pid, "1"),
+                                      RTBUS_FIELD(T, state, "1")};
 };
 template <>
 struct SampleTraits<NodeInfo> {
   static constexpr std::string_view kName = "rtbus/NodeInfo";
   using T = NodeInfo;
-  static constexpr std::array kFields{
-      RTBUS_FIELD(T, role, ""),       RTBUS_FIELD(T, kind, ""),     RTBUS_FIELD(T, method, ""),
-      RTBUS_FIELD(T, clock, ""),      RTBUS_FIELD(T, scheduling, ""), RTBUS_FIELD(T, realtime, ""),
-      RTBUS_FIELD(T, left_out, ""),   RTBUS_FIELD(T, rate_hz, "Hz"), RTBUS_FIELD(T, force_limit_n, "N"),
-      RTBUS_FIELD(T, stiffness_requested_n_per_m, "N/m"), RTBUS_FIELD(T, stiffness_rendered_n_per_m, "N/m"),
-      RTBUS_FIELD(T, core, "1"),      RTBUS_FIELD(T, bodies, "1")};
+  static constexpr std::array kFields{RTBUS_FIELD(T, role, ""),
+                                      RTBUS_FIELD(T, kind, ""),
+                                      RTBUS_FIELD(T, method, ""),
+                                      RTBUS_FIELD(T, clock, ""),
+                                      RTBUS_FIELD(T, scheduling, ""),
+                                      RTBUS_FIELD(T, realtime, ""),
+                                      RTBUS_FIELD(T, left_out, ""),
+                                      RTBUS_FIELD(T, rate_hz, "Hz"),
+                                      RTBUS_FIELD(T, force_limit_n, "N"),
+                                      RTBUS_FIELD(T, stiffness_requested_n_per_m, "N/m"),
+                                      RTBUS_FIELD(T, stiffness_rendered_n_per_m, "N/m"),
+                                      RTBUS_FIELD(T, core, "1"),
+                                      RTBUS_FIELD(T, bodies, "1")};
 };
 template <>
 struct SampleTraits<LoopStats> {
   static constexpr std::string_view kName = "rtbus/LoopStats";
   using T = LoopStats;
-  static constexpr std::array kFields{
-      RTBUS_FIELD(T, rate_hz, "Hz"),          RTBUS_FIELD(T, achieved_hz, "Hz"),
-      RTBUS_FIELD(T, wakeup_p50_us, "us"),    RTBUS_FIELD(T, wakeup_p99_us, "us"),
-      RTBUS_FIELD(T, wakeup_p999_us, "us"),   RTBUS_FIELD(T, wakeup_max_us, "us"),
-      RTBUS_FIELD(T, compute_p50_us, "us"),   RTBUS_FIELD(T, compute_p99_us, "us"),
-      RTBUS_FIELD(T, compute_max_us, "us"),   RTBUS_FIELD(T, device_p50_us, "us"),
-      RTBUS_FIELD(T, device_p99_us, "us"),    RTBUS_FIELD(T, device_max_us, "us"),
-      RTBUS_FIELD(T, proxy_age_p50_ms, "ms"), RTBUS_FIELD(T, proxy_age_p99_ms, "ms"),
-      RTBUS_FIELD(T, proxy_age_max_ms, "ms"), RTBUS_FIELD(T, force_rms_n, "N"),
-      RTBUS_FIELD(T, force_peak_n, "N"),      RTBUS_FIELD(T, energy_absorbed_j, "J"),
-      RTBUS_FIELD(T, energy_injected_j, "J"), RTBUS_FIELD(T, ticks_due, "1"),
-      RTBUS_FIELD(T, ticks, "1"),             RTBUS_FIELD(T, overruns, "1"),
-      RTBUS_FIELD(T, clamped, "1"),           RTBUS_FIELD(T, slew_limited, "1"),
-      RTBUS_FIELD(T, stale_ticks, "1"),       RTBUS_FIELD(T, nonfinite, "1"),
-      RTBUS_FIELD(T, overspeed, "1"),         RTBUS_FIELD(T, thermal_limited, "1"),
-      RTBUS_FIELD(T, passivity_ticks, "1"),   RTBUS_FIELD(T, device_lost, "1"),
-      RTBUS_FIELD(T, losses, "1"),            RTBUS_FIELD(T, last_loss_ns, "ns")};
+  static constexpr std::array kFields{RTBUS_FIELD(T, rate_hz, "Hz"),
+                                      RTBUS_FIELD(T, achieved_hz, "Hz"),
+                                      RTBUS_FIELD(T, wakeup_p50_us, "us"),
+                                      RTBUS_FIELD(T, wakeup_p99_us, "us"),
+                                      RTBUS_FIELD(T, wakeup_p999_us, "us"),
+                                      RTBUS_FIELD(T, wakeup_max_us, "us"),
+                                      RTBUS_FIELD(T, compute_p50_us, "us"),
+                                      RTBUS_FIELD(T, compute_p99_us, "us"),
+                                      RTBUS_FIELD(T, compute_max_us, "us"),
+                                      RTBUS_FIELD(T, device_p50_us, "us"),
+                                      RTBUS_FIELD(T, device_p99_us, "us"),
+                                      RTBUS_FIELD(T, device_max_us, "us"),
+                                      RTBUS_FIELD(T, proxy_age_p50_ms, "ms"),
+                                      RTBUS_FIELD(T, proxy_age_p99_ms, "ms"),
+                                      RTBUS_FIELD(T, proxy_age_max_ms, "ms"),
+                                      RTBUS_FIELD(T, force_rms_n, "N"),
+                                      RTBUS_FIELD(T, force_peak_n, "N"),
+                                      RTBUS_FIELD(T, energy_absorbed_j, "J"),
+                                      RTBUS_FIELD(T, energy_removed_j, "J"),
+                                      RTBUS_FIELD(T, ticks_due, "1"),
+                                      RTBUS_FIELD(T, ticks, "1"),
+                                      RTBUS_FIELD(T, overruns, "1"),
+                                      RTBUS_FIELD(T, clamped, "1"),
+                                      RTBUS_FIELD(T, slew_limited, "1"),
+                                      RTBUS_FIELD(T, stale_ticks, "1"),
+                                      RTBUS_FIELD(T, nonfinite, "1"),
+                                      RTBUS_FIELD(T, overspeed, "1"),
+                                      RTBUS_FIELD(T, thermal_limited, "1"),
+                                      RTBUS_FIELD(T, passivity_ticks, "1"),
+                                      RTBUS_FIELD(T, device_lost, "1"),
+                                      RTBUS_FIELD(T, losses, "1"),
+                                      RTBUS_FIELD(T, last_loss_ns, "ns")};
 };
 template <>
 struct SampleTraits<Telemetry> {
   static constexpr std::string_view kName = "rtbus/Telemetry";
   using T = Telemetry;
-  static constexpr std::array kFields{
-      RTBUS_FIELD(T, tick, "1"),                RTBUS_FIELD(T, due_ns, "ns"),
-      RTBUS_FIELD(T, device_time_ns, "ns"),     RTBUS_FIELD(T, position_m, "m"),
-      RTBUS_FIELD(T, velocity_m_s, "m/s"),      RTBUS_FIELD(T, proxy_position_m, "m"),
-      RTBUS_FIELD(T, proxy_velocity_m_s, "m/s"), RTBUS_FIELD(T, rendered_force_n, "N"),
-      RTBUS_FIELD(T, force_n, "N"),             RTBUS_FIELD(T, energy_absorbed_j, "J"),
-      RTBUS_FIELD(T, energy_ledger_j, "J"),     RTBUS_FIELD(T, gate, "1"),
-      RTBUS_FIELD(T, wakeup_us, "us"),          RTBUS_FIELD(T, compute_us, "us"),
-      RTBUS_FIELD(T, device_us, "us"),          RTBUS_FIELD(T, proxy_sequence, "1"),
-      RTBUS_FIELD(T, proxy_age_ns, "ns"),       RTBUS_FIELD(T, safety, "bits"),
-      RTBUS_FIELD(T, buttons, "bits")};
+  static constexpr std::array kFields{RTBUS_FIELD(T, tick, "1"),
+                                      RTBUS_FIELD(T, due_ns, "ns"),
+                                      RTBUS_FIELD(T, device_time_ns, "ns"),
+                                      RTBUS_FIELD(T, position_m, "m"),
+                                      RTBUS_FIELD(T, velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, proxy_position_m, "m"),
+                                      RTBUS_FIELD(T, proxy_velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, rendered_force_n, "N"),
+                                      RTBUS_FIELD(T, force_n, "N"),
+                                      RTBUS_FIELD(T, energy_absorbed_j, "J"),
+                                      RTBUS_FIELD(T, energy_ledger_j, "J"),
+                                      RTBUS_FIELD(T, gate, "1"),
+                                      RTBUS_FIELD(T, wakeup_us, "us"),
+                                      RTBUS_FIELD(T, compute_us, "us"),
+                                      RTBUS_FIELD(T, device_us, "us"),
+                                      RTBUS_FIELD(T, proxy_sequence, "1"),
+                                      RTBUS_FIELD(T, proxy_age_ns, "ns"),
+                                      RTBUS_FIELD(T, safety, "bits"),
+                                      RTBUS_FIELD(T, buttons, "bits")};
 };
 template <>
 struct SampleTraits<StepStats> {
   static constexpr std::string_view kName = "rtbus/StepStats";
   using T = StepStats;
   static constexpr std::array kFields{
-      RTBUS_FIELD(T, rate_hz, "Hz"),      RTBUS_FIELD(T, achieved_hz, "Hz"), RTBUS_FIELD(T, step_p50_ms, "ms"),
-      RTBUS_FIELD(T, step_p99_ms, "ms"),  RTBUS_FIELD(T, step_max_ms, "ms"), RTBUS_FIELD(T, simulated_s, "s"),
-      RTBUS_FIELD(T, steps, "1"),         RTBUS_FIELD(T, late, "1"),         RTBUS_FIELD(T, bodies, "1")};
+      RTBUS_FIELD(T, rate_hz, "Hz"),     RTBUS_FIELD(T, achieved_hz, "Hz"), RTBUS_FIELD(T, step_p50_ms, "ms"),
+      RTBUS_FIELD(T, step_p99_ms, "ms"), RTBUS_FIELD(T, step_max_ms, "ms"), RTBUS_FIELD(T, simulated_s, "s"),
+      RTBUS_FIELD(T, steps, "1"),        RTBUS_FIELD(T, late, "1"),         RTBUS_FIELD(T, bodies, "1")};
 };
 template <>
 struct SampleTraits<PlantCommand> {
@@ -253,11 +293,10 @@ template <>
 struct SampleTraits<PlantState> {
   static constexpr std::string_view kName = "rtbus/PlantState";
   using T = PlantState;
-  static constexpr std::array kFields{
-      RTBUS_FIELD(T, position_m, "m"),           RTBUS_FIELD(T, true_position_m, "m"),
-      RTBUS_FIELD(T, true_velocity_m_s, "m/s"),  RTBUS_FIELD(T, applied_force_n, "N"),
-      RTBUS_FIELD(T, hand_force_n, "N"),         RTBUS_FIELD(T, sample_time_ns, "ns"),
-      RTBUS_FIELD(T, buttons, "bits"),           RTBUS_FIELD(T, timed_out, "bool")};
+  static constexpr std::array kFields{RTBUS_FIELD(T, position_m, "m"),          RTBUS_FIELD(T, true_position_m, "m"),
+                                      RTBUS_FIELD(T, true_velocity_m_s, "m/s"), RTBUS_FIELD(T, applied_force_n, "N"),
+                                      RTBUS_FIELD(T, hand_force_n, "N"),        RTBUS_FIELD(T, sample_time_ns, "ns"),
+                                      RTBUS_FIELD(T, buttons, "bits"),          RTBUS_FIELD(T, timed_out, "bool")};
 };
 
 static_assert(sizeof(DeviceState) == 200 && Sample<DeviceState>);

@@ -20,7 +20,7 @@ namespace rtbus {
 namespace {
 
 constexpr int kMinPriority = 1;
-constexpr int kMaxPriority = 98;  // 99 stays with the kernel's own threads
+constexpr int kMaxPriority = 98;         // 99 stays with the kernel's own threads
 constexpr int kSignOfLifePriority = 10;  // above everything ordinary, far below any loop
 constexpr std::size_t kStackPrefaultBytes = 256 * 1024;
 
@@ -71,7 +71,20 @@ void set_fifo(const RealtimeRequest& request, RealtimeGrant& grant) {
                              std::to_string(parameters.sched_priority));
   }
   // SCHED_RESET_ON_FORK: helpers that this thread starts later do not inherit the priority.
-  const int number = ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0 ? 0 : errno;
+  int number = ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0 ? 0 : errno;
+  rlimit limit{};
+  if (number == EPERM && ::getrlimit(RLIMIT_RTPRIO, &limit) == 0 && limit.rlim_cur >= kMinPriority &&
+      limit.rlim_cur < static_cast<rlim_t>(parameters.sched_priority)) {
+    // Less than asked is far better than nothing.
+    parameters.sched_priority = static_cast<int>(limit.rlim_cur);
+    number = ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0 ? 0 : errno;
+    if (number == 0) {
+      grant.warnings.push_back("priority " + std::to_string(request.priority) + " refused, " +
+                               std::to_string(parameters.sched_priority) +
+                               " granted: that is the limit of this user (ulimit -r); raise rtprio in "
+                               "/etc/security/limits.d/realtime.conf");
+    }
+  }
   const int policy = ::sched_getscheduler(0);
   sched_param granted{};
   if (policy >= 0 && (policy & ~SCHED_RESET_ON_FORK) == SCHED_FIFO && ::sched_getparam(0, &granted) == 0) {
@@ -100,16 +113,17 @@ bool may_lock_everything() {
 }
 
 void lock_memory(RealtimeGrant& grant) {
-  // Under a limit, MCL_FUTURE would make a later mmap or malloc fail once the limit is reached: a small limit then locks
-  // what is there now, and the loop has everything by now.
+  // Under a limit, MCL_FUTURE would make a later mmap or malloc fail once the limit is reached: a small limit then
+  // locks what is there now, and the loop has everything by now.
   if (::mlockall(may_lock_everything() ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0) {
     grant.memory_locked = true;
     return;
   }
-  grant.warnings.push_back("memory not locked" + because(errno) +
-                           ": a page fault may cost the loop milliseconds; add the line `@realtime - memlock unlimited` "
-                           "to /etc/security/limits.d/realtime.conf and log in again (check with ulimit -l), or run "
-                           "`setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
+  grant.warnings.push_back(
+      "memory not locked" + because(errno) +
+      ": a page fault may cost the loop milliseconds; add the line `@realtime - memlock unlimited` "
+      "to /etc/security/limits.d/realtime.conf and log in again (check with ulimit -l), or run "
+      "`setcap cap_sys_nice,cap_ipc_lock=ep` on the binary");
 }
 
 /// The kernel honours the request for as long as the descriptor is open.

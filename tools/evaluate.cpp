@@ -21,7 +21,8 @@ struct EvaluateOptions {
   bool json = false;
 };
 
-/// A session file of the project: from the folder where the command runs, else beside the build (build/bin/../../config).
+/// A session file of the project: from the folder where the command runs, else beside the build
+/// (build/bin/../../config).
 std::string find_session(const std::string& name) {
   for (const std::string& folder : {std::string("config"), folder_of_this_program() + "/../../config"}) {
     const std::filesystem::path file = std::filesystem::path(folder) / name;
@@ -57,7 +58,9 @@ Action add_evaluate(CLI::App& command) {
       ->required()
       ->check(CLI::IsMember({"drop"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
-  command.add_option("--set", options->assignments, "Change a key of the session: --set haptic.0.coupling.stiffness_n_per_m=400")
+  command
+      .add_option("--set", options->assignments,
+                  "Change a key of the session: --set haptic.0.coupling.stiffness_n_per_m=400")
       ->take_all();
   command.add_option("--config", options->config, "Session file; default: the experiment's own");
   command.add_option("--out", options->out, "Folder for the results")->capture_default_str();

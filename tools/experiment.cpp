@@ -82,7 +82,8 @@ Experiment::Experiment(std::string kind, std::string name, std::string command, 
 bool Experiment::check_between(std::string id, std::string what, double value, std::string unit, double low,
                                double high) {
   const bool pass = std::isfinite(value) && value >= low && value <= high;
-  checks_.push_back({std::move(id), std::move(what), value, std::move(unit), number(low) + " to " + number(high), pass});
+  checks_.push_back(
+      {std::move(id), std::move(what), value, std::move(unit), number(low) + " to " + number(high), pass});
   return pass;
 }
 
@@ -123,8 +124,12 @@ int Experiment::finish(bool json) {
   nlohmann::json checks = nlohmann::json::array();
   bool passed = true;
   for (const Check& check : checks_) {
-    checks.push_back({{"id", check.id}, {"what", check.what}, {"value", json_of(check.value)}, {"unit", check.unit},
-                      {"bar", check.bar}, {"pass", check.pass}});
+    checks.push_back({{"id", check.id},
+                      {"what", check.what},
+                      {"value", json_of(check.value)},
+                      {"unit", check.unit},
+                      {"bar", check.bar},
+                      {"pass", check.pass}});
     passed = passed && check.pass;
   }
   nlohmann::json tables = nlohmann::json::array();

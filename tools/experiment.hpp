@@ -15,7 +15,7 @@ struct Check {
   std::string what;  ///< For people.
   double value = 0.0;
   std::string unit;
-  std::string bar;   ///< "0.595…0.805"
+  std::string bar;  ///< "0.595…0.805"
   bool pass = false;
 };
 

@@ -23,8 +23,8 @@ Eigen::Vector3d between(const rtbus::Vec3& a, const rtbus::Vec3& b, double share
 
 double RmsPeak::rms() const noexcept { return count == 0 ? 0.0 : std::sqrt(square_sum / static_cast<double>(count)); }
 
-LiveError::LiveError(const haptic::MappingConfig& mapping, const MakeLaw& make_law, double dt_s)
-    : mapping_(mapping), law_(make_law(mapping_)), dt_s_(dt_s) {}
+LiveError::LiveError(const haptic::MappingConfig& mapping, const MakeLaw& make_law, double dt_s, bool fixed_mapping)
+    : mapping_(mapping), law_(make_law(mapping_)), dt_s_(dt_s), fixed_mapping_(fixed_mapping) {}
 
 void LiveError::add_tick(const rtbus::Telemetry& tick) {
   // No law was followed in these cycles: nothing to compare.
@@ -49,8 +49,10 @@ bool LiveError::neighbours(const rtbus::ProxyState& before, const rtbus::ProxySt
 }
 
 void LiveError::add_proxy(const rtbus::ProxyState& proxy) {
+  if (proxy.device_sequence == 0) return;
   // The mapping of the file holds for the first epoch; a clutch shifts it by what only the haptic node knows.
-  if (proxy.device_sequence == 0 || proxy.mapping_epoch != mapping_.epoch()) return;
+  if (!first_epoch_) first_epoch_ = proxy.mapping_epoch;
+  if (!fixed_mapping_ && proxy.mapping_epoch != *first_epoch_) return;
   if (before_ && proxy.device_time_ns < before_->device_time_ns) before_.reset();  // physics began anew
   // A tick is settled by the first proxy that is strictly later: of two answers to one sample the newer counts.
   while (!ticks_.empty() && ticks_.front().device_time_ns < proxy.device_time_ns) {

@@ -37,7 +37,8 @@ class LiveError {
   using MakeLaw = std::function<std::unique_ptr<haptic::Renderer>(const haptic::Mapping& mapping)>;
 
   /// @param mapping As the haptic node starts with. @param dt_s Period of the loop.
-  LiveError(const haptic::MappingConfig& mapping, const MakeLaw& make_law, double dt_s);
+  /// @param fixed_mapping Nothing ever shifts it (there is no clutch); else only the first mapping epoch is compared.
+  LiveError(const haptic::MappingConfig& mapping, const MakeLaw& make_law, double dt_s, bool fixed_mapping = false);
   LiveError(const LiveError&) = delete;  // the law refers to our mapping
   LiveError& operator=(const LiveError&) = delete;
 
@@ -60,6 +61,8 @@ class LiveError {
   haptic::Mapping mapping_;
   std::unique_ptr<haptic::Renderer> law_;
   double dt_s_;
+  bool fixed_mapping_;
+  std::optional<std::uint32_t> first_epoch_;
   std::deque<rtbus::Telemetry> ticks_;       ///< Wait for a proxy later than they are.
   std::optional<rtbus::ProxyState> before_;  ///< Newest proxy that is not later than the ticks that wait.
   RmsPeak force_n_, position_m_;

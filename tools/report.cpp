@@ -95,7 +95,7 @@ Json haptic_json(const HapticFigures& haptic, double duration_s) {
       {"position_error_m", position_error(haptic)},
       {"energy_j",
        {{"absorbed", number(s.energy_absorbed_j)},
-        {"injected_by_damper", number(s.energy_injected_j)},
+        {"removed_by_damper", number(s.energy_removed_j)},
         {"generated_peak", number(haptic.generated_peak_j)},
         {"ledger_min", number(haptic.ledger_min_j)}}},
       {"safety",

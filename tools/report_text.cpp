@@ -121,7 +121,7 @@ void add_haptic(std::string& out, const RunReport& report, const HapticFigures& 
   }
   line(out, "energy",
        figure(1e3 * s.energy_absorbed_j) + " mJ absorbed from the hand, at worst " +
-           figure(1e3 * haptic.generated_peak_j) + " mJ given; " + figure(1e3 * s.energy_injected_j) +
+           figure(1e3 * haptic.generated_peak_j) + " mJ given; " + figure(1e3 * s.energy_removed_j) +
            " mJ removed by the passivity damper");
   line(out, "safety", safety_text(s));
   line(out, "process", cost_text(haptic.cost, report.duration_s));

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "rtbus/clock.hpp"
+#include "rtbus/leash.hpp"
 
 namespace tools {
 
@@ -67,6 +68,7 @@ rtbus::Result<void, std::string> Supervisor::start(const ChildSpec& spec) {
   arguments.push_back(nullptr);
 
   const pid_t parent = ::getpid();
+  ::setenv(rtbus::kSupervisorVariable, std::to_string(parent).c_str(), 1);
   const pid_t pid = ::fork();
   if (pid == 0) become(spec.program.c_str(), arguments.data(), ends[1], parent);
   ::close(ends[1]);

@@ -141,7 +141,7 @@ void add_energy(Lines& lines, const rtbus::LoopStats& stats) {
   // Made energy is what passivity must prevent: say it in words, the sign alone is easily overlooked.
   lines.push_back({print("  energy    %s %.2g J %s the hand, %.2g J removed by passivity",
                          stats.energy_absorbed_j < 0.0 ? "MADE" : "absorbed", std::abs(stats.energy_absorbed_j),
-                         stats.energy_absorbed_j < 0.0 ? "against" : "from", stats.energy_injected_j),
+                         stats.energy_absorbed_j < 0.0 ? "against" : "from", stats.energy_removed_j),
                    stats.energy_absorbed_j < 0.0 ? Tone::kWarn : Tone::kPlain});
 }
 

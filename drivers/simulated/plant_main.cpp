@@ -15,6 +15,7 @@
 #include "drivers/registry.hpp"
 #include "drivers/simulated/plant.hpp"
 #include "drivers/simulated/simulated_config.hpp"
+#include "rtbus/leash.hpp"
 #include "rtbus/config/session.hpp"
 
 namespace {
@@ -97,6 +98,7 @@ int main(int argc, char** argv) {
   sigaddset(&endings, SIGTERM);
   ::pthread_sigmask(SIG_BLOCK, &endings, nullptr);
 
+  if (!rtbus::stay_on_leash()) return kFailed;
   try {
     Arguments arguments;
     if (const auto status = parse(argc, argv, arguments)) return *status;

@@ -115,6 +115,7 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
               "mechanics.end_stops: false");
   }
   complete_info(m, settings.info);
+  settings.info.sample_rate_hz = settings.sample_rate_hz;
   return std::make_unique<SimulatedConfig>(std::move(settings));
 }
 

@@ -17,7 +17,8 @@ Direct::Direct(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping
     : stiffness_n_per_m_(stiffness_n_per_m),
       damping_n_s_per_m_(damping_n_s_per_m),
       mapping_(mapping),
-      shapes_(std::move(shapes)) {}
+      shapes_(std::move(shapes)),
+      surfaces_(shapes_.size()) {}
 
 bool Direct::outside_all(const Eigen::Vector3d& p_W) const noexcept {
   return std::none_of(shapes_.begin(), shapes_.end(),
@@ -32,13 +33,13 @@ void Direct::follow(const Eigen::Vector3d& tip_W) noexcept {
     return;
   }
   for (int slide = 0; slide < kMaxSlides; ++slide) {
-    // All bodies are convex: each lies behind the tangent plane at its point nearest to the god-object, so whatever is in
-    // front of all these planes can be reached in a straight line.
+    // All bodies are convex: each lies behind the tangent plane at its point nearest to the god-object, so whatever is
+    // in front of all these planes can be reached in a straight line.
     Eigen::Vector3d goal = tip_W;
+    for (std::size_t i = 0; i < shapes_.size(); ++i) surfaces_[i] = nearest_surface(shapes_[i], god_W_);
     for (int pass = 0; pass < kMaxProjections; ++pass) {
       bool moved = false;
-      for (const auto& shape : shapes_) {
-        const auto surface = nearest_surface(shape, god_W_);
+      for (const auto& surface : surfaces_) {
         const double behind = surface.normal.dot(goal - surface.point_m);
         if (behind < -1e-12) {
           goal -= behind * surface.normal;

@@ -21,7 +21,10 @@ class Direct final : public Renderer {
   [[nodiscard]] std::string_view name() const noexcept override { return "direct"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return false; }
   [[nodiscard]] RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING override;
-  void reset() noexcept RTBUS_NONBLOCKING override { touching_ = false; placed_ = false; }
+  void reset() noexcept RTBUS_NONBLOCKING override {
+    touching_ = false;
+    placed_ = false;
+  }
 
  private:
   /// Moves god_W_ as near to `tip_W` as the bodies allow.
@@ -32,8 +35,9 @@ class Direct final : public Renderer {
   double damping_n_s_per_m_;
   const Mapping& mapping_;
   std::vector<rtbus::shapes::PlacedShape> shapes_;
-  bool placed_ = false;    ///< god_W_ is meaningful.
-  bool touching_ = false;  ///< The god-object was held back in the last cycle.
+  std::vector<rtbus::shapes::SurfacePoint> surfaces_;  ///< Of each shape, nearest to the god-object; sized once.
+  bool placed_ = false;                                ///< god_W_ is meaningful.
+  bool touching_ = false;                              ///< The god-object was held back in the last cycle.
   Eigen::Vector3d god_W_ = Eigen::Vector3d::Zero();
 };
 

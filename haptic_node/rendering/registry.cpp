@@ -29,7 +29,8 @@ constexpr std::array kRenderers{
 std::span<const RendererEntry> registered_renderers() noexcept { return kRenderers; }
 
 const RendererEntry* find_renderer(std::string_view name) noexcept {
-  const auto* found = std::find_if(kRenderers.begin(), kRenderers.end(), [&](const auto& row) { return row.name == name; });
+  const auto* found =
+      std::find_if(kRenderers.begin(), kRenderers.end(), [&](const auto& row) { return row.name == name; });
   return found == kRenderers.end() ? nullptr : found;
 }
 

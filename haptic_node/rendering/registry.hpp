@@ -16,7 +16,7 @@ namespace haptic {
 struct RendererContext {
   double stiffness_n_per_m = 0.0;  ///< At the device, after its limit.
   double damping_n_s_per_m = 0.0;
-  const Mapping& mapping;          ///< Outlives the renderer.
+  const Mapping& mapping;                          ///< Outlives the renderer.
   std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene, in W.
 };
 

@@ -12,21 +12,22 @@ namespace haptic {
 
 /// The newest proxy that physics sent, mapped W→D. All lengths, velocities and forces are at the device.
 struct ProxyView {
-  bool valid = false;           ///< False until physics has answered a sample of the present mapping.
-  bool fresh = false;           ///< First cycle that sees this proxy: a packet has just arrived.
-  std::uint64_t sequence = 0;   ///< Of the ProxyState.
+  bool valid = false;                ///< False until physics has answered a sample of the present mapping.
+  bool fresh = false;                ///< First cycle that sees this proxy: a packet has just arrived.
+  std::uint64_t sequence = 0;        ///< Of the ProxyState.
   std::uint64_t device_time_ns = 0;  ///< Of the device sample it answers.
   std::uint64_t arrived_ns = 0;      ///< Cycle time when it was first seen.
   double period_s = 0.0;             ///< Simulated time between this proxy and the one before it.
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();      ///< p_DP: virtual object A of the paper's Fig. 5.
-  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();    ///< v_DP.
-  Eigen::Vector3d server_force_n = Eigen::Vector3d::Zero();  ///< On the hand, as physics made it: −(its coupling force).
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DP: virtual object A of the paper's Fig. 5.
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DP.
+  Eigen::Vector3d server_force_n =
+      Eigen::Vector3d::Zero();  ///< On the hand, as physics made it: −(its coupling force).
 };
 
 /// What a law may look at, every tick.
 struct RenderInput {
   std::uint64_t now_ns = 0;
-  double dt_s = 0.0;  ///< Period of the loop, > 0.
+  double dt_s = 0.0;                                       ///< Period of the loop, > 0.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DT.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DT, estimated.
   ProxyView proxy;
@@ -53,7 +54,7 @@ class Renderer {
   /// @realtime Yes, bounded, no allocation.
   [[nodiscard]] virtual RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING = 0;
 
-  /// Forgets history: after enable, re-attach to physics, or a re-based mapping. @realtime Yes.
+  /// Forgets history: each time forces are enabled, physics comes back, or the mapping is re-based. @realtime Yes.
   virtual void reset() noexcept RTBUS_NONBLOCKING = 0;
 };
 

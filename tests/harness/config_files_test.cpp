@@ -53,16 +53,16 @@ TEST(ShippedDevices, AreAcceptedInASession) {
 TEST(ShippedScenes, AreAcceptedInASession) {
   const std::string config = std::string(RTBUS_SOURCE_DIR) + "/config/";
   for (const auto& entry : std::filesystem::directory_iterator(config + "scenes")) {
-    EXPECT_NO_THROW(read_everything(config + "wall.yaml",
-                                    {rtbus::config::parse_override("scene=" + entry.path().string())}))
+    EXPECT_NO_THROW(
+        read_everything(config + "wall.yaml", {rtbus::config::parse_override("scene=" + entry.path().string())}))
         << entry.path();
   }
 }
 
 TEST(HapticConfig, LowersAStiffnessThatTheDeviceDoesNotAllowAndKeepsBoth) {
-  auto session = rtbus::config::load_session(
-      std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
-      {rtbus::config::parse_override("haptic.0.coupling.stiffness_n_per_m=50000")});
+  auto session =
+      rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
+                                  {rtbus::config::parse_override("haptic.0.coupling.stiffness_n_per_m=50000")});
   const auto config = haptic::read_haptic_config(session, 0);
   EXPECT_EQ(config.stiffness_requested_n_per_m, 50000.0);
   EXPECT_EQ(config.stiffness_n_per_m, config.device->info().max_stiffness_n_per_m);

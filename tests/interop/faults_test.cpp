@@ -46,8 +46,9 @@ class Nodes : public testing::Test {
 
   static std::string binary(const std::string& name) { return std::string(RTBUS_BINARY_DIR) + "/" + name; }
   std::vector<std::string> command(const std::string& program, std::vector<std::string> more = {}) {
-    std::vector<std::string> out{binary(program), "--config", std::string(RTBUS_SOURCE_DIR) + "/config/" + session_file_,
-                                 "--set", "session=" + bus_.name};
+    std::vector<std::string> out{binary(program), "--config",
+                                 std::string(RTBUS_SOURCE_DIR) + "/config/" + session_file_, "--set",
+                                 "session=" + bus_.name};
     out.insert(out.end(), more.begin(), more.end());
     return out;
   }
@@ -84,8 +85,8 @@ class Nodes : public testing::Test {
 
 /// What a loss looked like in the telemetry.
 struct Loss {
-  double declared_ms = -1.0;   ///< After the fault.
-  double zero_ms = -1.0;       ///< Force at zero, after the declaration.
+  double declared_ms = -1.0;  ///< After the fault.
+  double zero_ms = -1.0;      ///< Force at zero, after the declaration.
   double worst_wakeup_ms = 0.0;
 };
 
@@ -131,8 +132,9 @@ TEST_F(Nodes, FadeToZeroWhilePhysicsIsStoppedAndResumeSlewLimited) {
   const double seconds = static_cast<double>(after.stamp_ns - before.stamp_ns) * 1e-9;
   const double served = static_cast<double>(after.value.ticks - before.value.ticks) / seconds;
   const double due = static_cast<double>(after.value.ticks_due - before.value.ticks_due) / seconds;
-  std::printf("stopped 5 s: lost after %.1f ms, zero %.1f ms later, worst wake-up %.2f ms, %.1f ticks/s served of %.1f due\n",
-              loss.declared_ms, loss.zero_ms, loss.worst_wakeup_ms, served, due);
+  std::printf(
+      "stopped 5 s: lost after %.1f ms, zero %.1f ms later, worst wake-up %.2f ms, %.1f ticks/s served of %.1f due\n",
+      loss.declared_ms, loss.zero_ms, loss.worst_wakeup_ms, served, due);
   EXPECT_GT(loss.declared_ms, 0.0);
   EXPECT_LE(loss.declared_ms, 60.0 + loss.worst_wakeup_ms);
   EXPECT_GE(loss.zero_ms, 0.0);
@@ -146,7 +148,8 @@ TEST_F(Nodes, FadeToZeroWhilePhysicsIsStoppedAndResumeSlewLimited) {
   ASSERT_TRUE(follow(*ticks, 5.0, [&](const Stamped<Telemetry>& tick) {
     if (last.sequence + 1 == tick.sequence) {
       const double elapsed_ms = std::max(1.0, static_cast<double>(tick.value.due_ns - last.value.due_ns) * 1e-6);
-      steepest_n_per_ms = std::max(steepest_n_per_ms, (norm(tick.value.force_n) - norm(last.value.force_n)) / elapsed_ms);
+      steepest_n_per_ms =
+          std::max(steepest_n_per_ms, (norm(tick.value.force_n) - norm(last.value.force_n)) / elapsed_ms);
     }
     last = tick;
     return tick.value.gate >= 1.0;
@@ -208,8 +211,9 @@ TEST_F(Nodes, LeaveTheHandWithoutForceWhenTheHapticNodeIsKilled) {
     }
     return false;
   }));
-  std::printf("haptic_node killed: zero at the hand after %.1f ms (the plant's time-out is 20 ms), longest pause %.2f ms\n",
-              zero_ms, worst_gap_ms);
+  std::printf(
+      "haptic_node killed: zero at the hand after %.1f ms (the plant's time-out is 20 ms), longest pause %.2f ms\n",
+      zero_ms, worst_gap_ms);
   EXPECT_LE(zero_ms, 20.0 + 1.0 + worst_gap_ms);
   EXPECT_NE(felt.value.timed_out, 0u);
 
@@ -223,9 +227,29 @@ TEST_F(Nodes, LeaveTheHandWithoutForceWhenTheHapticNodeIsKilled) {
 
   // And a new haptic node finds plant, physics and its own topics.
   start_haptic();
-  EXPECT_TRUE(eventually(8.0, [&] {
+  EXPECT_TRUE(eventually(
+      8.0, [&] { return plant->read_latest(felt) == ReadStatus::kFresh && norm(felt.value.applied_force_n) > 0.3; }));
+}
+
+TEST_F(Nodes, LeaveTheHandWithoutForceWhileTheHapticNodeIsStarved) {
+  session_file_ = "wall_own_plant.yaml";
+  start_plant();
+  start_physics();
+  start_haptic();
+  auto plant = reader<rtbus::PlantState>("haptic0.plant_state");
+  ASSERT_TRUE(plant);
+  Stamped<rtbus::PlantState> felt;
+  ASSERT_TRUE(eventually(
+      8.0, [&] { return plant->read_latest(felt) == ReadStatus::kFresh && norm(felt.value.applied_force_n) > 0.3; }));
+  haptic_->signal(SIGSTOP);
+  usleep(200'000);
+  (void)plant->read_latest(felt);
+  EXPECT_EQ(norm(felt.value.applied_force_n), 0.0) << "the plant's own time-out";
+  EXPECT_NE(felt.value.timed_out, 0u);
+  haptic_->signal(SIGCONT);
+  EXPECT_TRUE(eventually(5.0, [&] {
     return plant->read_latest(felt) == ReadStatus::kFresh && norm(felt.value.applied_force_n) > 0.3;
-  }));
+  })) << "and the force comes back";
 }
 
 TEST_F(Nodes, MapNeitherBulletNorLibusbForTheWall) {
@@ -273,8 +297,8 @@ TEST_F(Nodes, AreCleanedUpAfterEverythingWasKilled) {
 
 TEST_F(Nodes, AreEndedByCtrlCOfTheRunCommandWithNothingLeft) {
   const std::string report = testing::TempDir() + bus_.name + ".json";
-  Child run({binary("rtbus"), "run", std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml", "--set", "session=" + bus_.name,
-             "--report", report, "--plots", testing::TempDir() + bus_.name},
+  Child run({binary("rtbus"), "run", std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml", "--set",
+             "session=" + bus_.name, "--report", report, "--plots", testing::TempDir() + bus_.name},
             "/dev/null");
   ASSERT_TRUE(reader<Telemetry>("haptic0.telemetry"));
   usleep(700'000);

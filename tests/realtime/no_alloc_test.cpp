@@ -1,5 +1,5 @@
-/// The realtime path allocates nothing: ten thousand cycles of the real loop, with the real device simulation and the real
-/// bus, physics answering on the other end.
+/// The realtime path allocates nothing: ten thousand cycles of the real loop, with the real device simulation and the
+/// real bus, physics answering on the other end.
 #include "tests/support/no_alloc.hpp"
 
 #include <gtest/gtest.h>
@@ -32,8 +32,8 @@ class LoopOnTheBus : public testing::TestWithParam<const char*> {};
 
 TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   const std::string file = std::string(RTBUS_SOURCE_DIR) + "/config/" + GetParam();
-  auto settings = rtbus::config::load_session(
-      file, {rtbus::config::parse_override("session=noalloc" + std::to_string(getpid()))});
+  auto settings =
+      rtbus::config::load_session(file, {rtbus::config::parse_override("session=noalloc" + std::to_string(getpid()))});
   const haptic::HapticConfig config = haptic::read_haptic_config(settings, 0);
   auto device = config.device->open({.session = settings.session, .node_name = config.name});
   ASSERT_TRUE(device) << device.error().message;

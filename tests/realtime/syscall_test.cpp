@@ -1,5 +1,5 @@
-/// The realtime thread makes no system call but its one sleep: strace looks at the real haptic_node while it touches the
-/// wall, answers physics and is being observed.
+/// The realtime thread makes no system call but its one sleep: strace looks at the real haptic_node while it touches
+/// the wall, answers physics and is being observed.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
@@ -32,8 +32,9 @@ TEST(HapticLoop, MakesNoSystemCallButItsSleep) {
   const std::string config = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml";
   const std::string rename = "session=" + session;
   tests::Child physics({binaries + "/physics_node", "--config", config, "--set", rename}, "/dev/null");
-  tests::Child haptic({"strace", "-f", "-qq", "-o", trace, binaries + "/haptic_node", "--config", config, "--set", rename},
-                      "/dev/null");
+  tests::Child haptic(
+      {"strace", "-f", "-qq", "-o", trace, binaries + "/haptic_node", "--config", config, "--set", rename},
+      "/dev/null");
 
   // Somebody looks at the telemetry, so that publishing it is part of what is traced.
   rtbus::Session bus;
@@ -68,8 +69,8 @@ TEST(HapticLoop, MakesNoSystemCallButItsSleep) {
   ASSERT_GT(ticks, 1000u);
   EXPECT_GT(peak_n, 0.1) << "the run must have touched the wall";
 
-  // The loop's thread is the one that takes the name haptic_loop; its cycles begin with its first sleep and end with the
-  // last one. In between strace may show nothing else.
+  // The loop's thread is the one that takes the name haptic_loop; its cycles begin with its first sleep and end with
+  // the last one. In between strace may show nothing else.
   std::ifstream in(trace);
   std::string line;
   std::string thread;
@@ -77,8 +78,10 @@ TEST(HapticLoop, MakesNoSystemCallButItsSleep) {
   const std::regex named(R"(^(\d+) +prctl\(PR_SET_NAME, "haptic_loop")");
   while (std::getline(in, line)) {
     std::smatch match;
-    if (std::regex_search(line, match, named)) thread = match[1];
-    else if (!thread.empty() && line.compare(0, thread.size() + 1, thread + " ") == 0) calls.push_back(line.substr(thread.size() + 1));
+    if (std::regex_search(line, match, named))
+      thread = match[1];
+    else if (!thread.empty() && line.compare(0, thread.size() + 1, thread + " ") == 0)
+      calls.push_back(line.substr(thread.size() + 1));
   }
   ASSERT_FALSE(thread.empty());
   const auto is_sleep = [](const std::string& call) { return call.find("clock_nanosleep") != std::string::npos; };
@@ -88,12 +91,15 @@ TEST(HapticLoop, MakesNoSystemCallButItsSleep) {
   std::map<std::string, int> others;
   long sleeps = 0;
   for (auto call = first; call < last; ++call) {
-    if (is_sleep(*call)) ++sleeps;
-    else ++others[call->substr(call->find_first_not_of(' '), 60)];
+    if (is_sleep(*call))
+      ++sleeps;
+    else
+      ++others[call->substr(call->find_first_not_of(' '), 60)];
   }
   for (const auto& [call, count] : others) ADD_FAILURE() << count << " x " << call;
   EXPECT_GT(sleeps, 1000);
-  std::printf("%ld sleeps and %zu other system calls of haptic_loop, peak force %.2f N\n", sleeps, others.size(), peak_n);
+  std::printf("%ld sleeps and %zu other system calls of haptic_loop, peak force %.2f N\n", sleeps, others.size(),
+              peak_n);
   std::filesystem::remove(trace);
 }
 

@@ -57,7 +57,9 @@ std::optional<DropTrace> fall_for_real(const DropOptions& options, int run) {
   rtbus::Session bus;
   bus.name = "drop-" + std::to_string(getpid()) + "-" + std::to_string(run);
   Supervisor supervisor([](const std::string&, std::string_view) {});
-  ChildSpec spec{"haptic0", Stage::kHaptic, folder_of_this_program() + "/haptic_node",
+  ChildSpec spec{"haptic0",
+                 Stage::kHaptic,
+                 folder_of_this_program() + "/haptic_node",
                  {"--config", options.session_file, "--set", "session=" + bus.name}};
   for (const std::string& text : options.assignments) spec.arguments.insert(spec.arguments.end(), {"--set", text});
   if (auto started = supervisor.start(spec); !started) {
@@ -126,9 +128,12 @@ void draw(Experiment& experiment, double harness_release_s, const std::optional<
       "set arrow 1 from 0.70, graph 0 to 0.70, graph 1 nohead dt 2 lc rgb 'gray40'\n"
       "set label 1 'paper: settled after about 0.7 s' at 0.71, graph 0.85\n"
       "set arrow 2 from graph 0, first -2 to graph 1, first -2 nohead dt 2 lc rgb 'gray40'\n"
-      "plot " + heights + "\n"
+      "plot " +
+      heights +
+      "\n"
       "unset arrow 2\nunset label 1\nset xlabel 'time since release [s]'\nset ylabel 'force on the hand [N]'\n"
-      "plot " + forces + "\nunset multiplot\n";
+      "plot " +
+      forces + "\nunset multiplot\n";
   auto drawn = gnuplot->draw(experiment.folder(), figure);
   if (!drawn) {
     experiment.note("no figure: " + drawn.error());
@@ -160,11 +165,13 @@ DropOutcome judge_drop(const DropTrace& trace) {
 }
 
 void evaluate_drop(const DropOptions& options, Experiment& experiment) {
-  Table table{"drop_direct", {"run", "settling [s]", "rest [mm]", "peak force [N]", "worst wake-up [ms]", "counted"}, {}};
+  Table table{
+      "drop_direct", {"run", "settling [s]", "rest [mm]", "peak force [N]", "worst wake-up [ms]", "counted"}, {}};
   table.rows.push_back({std::string("paper, Fig. 8"), 0.7, -2.0, std::string("-"), std::string("-"), std::string("-")});
   const auto add = [&](const std::string& name, const DropTrace& trace, const DropOutcome& outcome, bool counted) {
-    table.rows.push_back({name, outcome.fell ? Cell(outcome.settling_s) : Cell(std::string("never")), outcome.rest_m * 1e3,
-                          outcome.peak_force_n, trace.worst_wakeup_ms, std::string(counted ? "yes" : "no")});
+    table.rows.push_back({name, outcome.fell ? Cell(outcome.settling_s) : Cell(std::string("never")),
+                          outcome.rest_m * 1e3, outcome.peak_force_n, trace.worst_wakeup_ms,
+                          std::string(counted ? "yes" : "no")});
   };
 
   const DropTrace simulated = fall_in_harness(options);
@@ -193,7 +200,8 @@ void evaluate_drop(const DropOptions& options, Experiment& experiment) {
     real.push_back(outcome);
   }
   experiment.add_table(std::move(table));
-  if (paused > 0) experiment.note(std::to_string(paused) + " run(s) not counted: the machine paused for more than 5 ms");
+  if (paused > 0)
+    experiment.note(std::to_string(paused) + " run(s) not counted: the machine paused for more than 5 ms");
 
   const double low_s = kPublishedSettling_s * (1.0 - kTolerance);
   const double high_s = kPublishedSettling_s * (1.0 + kTolerance);

@@ -9,24 +9,24 @@
 namespace tools {
 
 struct DropOptions {
-  std::string session_file;                ///< config/drop.yaml
-  std::vector<std::string> assignments;    ///< `--set`
-  int real_runs = 3;                       ///< With the real process, besides the one under the simulated clock.
+  std::string session_file;              ///< config/drop.yaml
+  std::vector<std::string> assignments;  ///< `--set`
+  int real_runs = 3;                     ///< With the real process, besides the one under the simulated clock.
 };
 
 /// One recorded fall.
 struct DropTrace {
-  std::vector<double> time_s;   ///< Of the device samples, since the first.
-  std::vector<double> height_m; ///< p_DT, y.
-  std::vector<double> force_n;  ///< y.
-  double worst_wakeup_ms = 0.0; ///< Longest delay of a cycle: a pause of the machine shows here.
+  std::vector<double> time_s;    ///< Of the device samples, since the first.
+  std::vector<double> height_m;  ///< p_DT, y.
+  std::vector<double> force_n;   ///< y.
+  double worst_wakeup_ms = 0.0;  ///< Longest delay of a cycle: a pause of the machine shows here.
 };
 
 /// What is said of a fall. Times count from the release.
 struct DropOutcome {
-  bool fell = false;            ///< The tip left its start and came to rest within the trace.
-  double settling_s = 0.0;      ///< From then on the height stays within 0.2 mm of its final mean (facts of the fit).
-  double rest_m = 0.0;          ///< Mean of the last 0.5 s.
+  bool fell = false;        ///< The tip left its start and came to rest within the trace.
+  double settling_s = 0.0;  ///< From then on the height stays within 0.2 mm of its final mean (facts of the fit).
+  double rest_m = 0.0;      ///< Mean of the last 0.5 s.
   double peak_force_n = 0.0;
 };
 

@@ -1,7 +1,7 @@
 #pragma once
 /// @file harness.hpp
-/// Both cores in one process under a simulated clock: the same loop, ladder, stepper and device as the nodes run, without
-/// threads, sleeps or shared memory. Two runs of one session are bit-identical.
+/// Both cores in one process under a simulated clock: the same loop, ladder, stepper and device as the nodes run,
+/// without threads, sleeps or shared memory. Two runs of one session are bit-identical.
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -21,9 +21,9 @@ namespace tools {
 
 /// What the link between the nodes does to the data, and when physics falls silent.
 struct HarnessOptions {
-  double latency_s = 0.0;        ///< From a step's publication to its arrival at the loop.
-  double physics_phase_s = 0.0;  ///< Start of the first physics period after the start of the run.
-  double physics_dies_s = -1.0;  ///< Neither heartbeat nor step from then on; negative: never.
+  double latency_s = 0.0;           ///< From a step's publication to its arrival at the loop.
+  double physics_phase_s = 0.0;     ///< Start of the first physics period after the start of the run.
+  double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
 };
 
@@ -32,8 +32,8 @@ class Harness {
  public:
   using Observer = std::function<void(const rtbus::Telemetry&)>;
 
-  /// @param session Is consumed: its node maps are read. Throws rtbus::config::Error; std::runtime_error when the device
-  /// cannot be opened (`process: own` has no place here).
+  /// @param session Is consumed: its node maps are read. Throws rtbus::config::Error; std::runtime_error when the
+  /// device cannot be opened (`process: own` has no place here).
   Harness(rtbus::config::SessionConfig& session, const HarnessOptions& options);
 
   /// Simulates `duration_s` more and shows each cycle to `observer`.

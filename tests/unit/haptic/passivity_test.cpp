@@ -9,6 +9,14 @@ namespace {
 using haptic::Passivity;
 using haptic::PassivityConfig;
 
+/// A tip that moves by `moved_m` under `force_n`, from wherever it is.
+void move(Passivity& passivity, Eigen::Vector3d& tip_m, const Eigen::Vector3d& force_n,
+          const Eigen::Vector3d& moved_m) {
+  if (tip_m.isZero(0.0)) passivity.observe(Eigen::Vector3d::Zero(), tip_m, 0.0);
+  tip_m += moved_m;
+  passivity.observe(force_n, tip_m, 0.001);
+}
+
 PassivityConfig strict() {
   PassivityConfig config;
   config.reservoir_max_j = 0.01;
@@ -18,23 +26,26 @@ PassivityConfig strict() {
 
 TEST(Passivity, BooksTheWorkOfTheHand) {
   Passivity passivity(strict());
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   // A force of −2 N against a hand that moves +1 mm: the hand does 2 mJ of work on us.
-  passivity.observe({-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0}, 0.001);
+  move(passivity, tip, {-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
   EXPECT_NEAR(passivity.absorbed_j(), 0.002, 1e-15);
-  passivity.observe({-2.0, 0.0, 0.0}, {-0.001, 0.0, 0.0}, 0.001);
+  move(passivity, tip, {-2.0, 0.0, 0.0}, {-0.001, 0.0, 0.0});
   EXPECT_NEAR(passivity.absorbed_j(), 0.0, 1e-15);
 }
 
 TEST(Passivity, CapsWhatMayBeGivenBack) {
   Passivity passivity(strict());
-  for (int k = 0; k < 100; ++k) passivity.observe({-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0}, 0.001);
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+  for (int k = 0; k < 100; ++k) move(passivity, tip, {-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
   EXPECT_NEAR(passivity.absorbed_j(), 0.2, 1e-12);
   EXPECT_DOUBLE_EQ(passivity.ledger_j(), 0.01);
 }
 
 TEST(Passivity, LeavesAForceAloneWhileTheLedgerIsPositive) {
   Passivity passivity(strict());
-  passivity.observe({-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0}, 0.001);
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+  move(passivity, tip, {-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
   bool acted = true;
   EXPECT_EQ(passivity.control({1.0, 2.0, 3.0}, {0.1, 0.0, 0.0}, 0.001, acted), Eigen::Vector3d(1.0, 2.0, 3.0));
   EXPECT_FALSE(acted);
@@ -42,7 +53,8 @@ TEST(Passivity, LeavesAForceAloneWhileTheLedgerIsPositive) {
 
 TEST(Passivity, DampsUntilTheDebtIsPaid) {
   Passivity passivity(strict());
-  passivity.observe({1.0, 0.0, 0.0}, {0.0001, 0.0, 0.0}, 0.001);  // we pushed the hand along: −0.1 mJ
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+  move(passivity, tip, {1.0, 0.0, 0.0}, {0.0001, 0.0, 0.0});  // we pushed the hand along: −0.1 mJ
   ASSERT_LT(passivity.ledger_j(), 0.0);
   bool acted = false;
   const Eigen::Vector3d velocity(0.5, 0.0, 0.0);
@@ -50,13 +62,14 @@ TEST(Passivity, DampsUntilTheDebtIsPaid) {
   EXPECT_TRUE(acted);
   // α = E/(T v²) = 1e-4/(1e-3·0.25) = 0.4 N·s/m → −0.2 N along the motion.
   EXPECT_NEAR(force.x(), -0.2, 1e-12);
-  passivity.observe(force, velocity * 0.001, 0.001);
+  move(passivity, tip, force, velocity * 0.001);
   EXPECT_NEAR(passivity.ledger_j(), 0.0, 1e-12);
 }
 
 TEST(Passivity, NeverDampsHarderThanItsCeiling) {
   Passivity passivity(strict());
-  passivity.observe({10.0, 0.0, 0.0}, {0.01, 0.0, 0.0}, 0.001);
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+  move(passivity, tip, {10.0, 0.0, 0.0}, {0.01, 0.0, 0.0});
   bool acted = false;
   const Eigen::Vector3d force = passivity.control(Eigen::Vector3d::Zero(), {0.01, 0.0, 0.0}, 0.001, acted);
   EXPECT_NEAR(force.x(), -5.0 * 0.01, 1e-12);
@@ -67,13 +80,37 @@ TEST(Passivity, CreditsWhatTheDeviceBurnsByItself) {
   config.coulomb_friction_n = 0.05;
   config.viscous_damping_n_s_per_m = 0.04;
   Passivity passivity(config);
-  passivity.observe(Eigen::Vector3d::Zero(), {0.0003, 0.0, 0.0}, 0.001);
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+  move(passivity, tip, Eigen::Vector3d::Zero(), {0.0003, 0.0, 0.0});
   EXPECT_NEAR(passivity.ledger_j(), 0.0003 * (0.04 * 0.3 + 0.05), 1e-15);
   EXPECT_EQ(passivity.absorbed_j(), 0.0);
 }
 
-// The reason it exists: a sampled spring stiffer than its own damping can pay for. Frictionless mass of 41 g on a wall of
-// 5000 N/m at 1 kHz: without control each bounce comes back faster than it went in.
+TEST(Passivity, EarnsNothingFromAnEncoderThatToggles) {
+  PassivityConfig config = strict();
+  config.coulomb_friction_n = 0.05;
+  config.viscous_damping_n_s_per_m = 0.04;
+  config.position_quantum_m = 23e-6;
+  Passivity passivity(config);
+  for (int k = 0; k < 12'000; ++k)
+    passivity.observe(Eigen::Vector3d::Zero(), {k % 2 == 0 ? 0.0 : 23e-6, 0.0, 0.0}, 0.001);
+  EXPECT_EQ(passivity.ledger_j(), 0.0);
+  // A real way does: 10 mm at 0.1 m/s burn nearly f_c·s + b·v·s.
+  for (int k = 0; k <= 100; ++k) passivity.observe(Eigen::Vector3d::Zero(), {1e-4 * k, 0.0, 0.0}, 0.001);
+  EXPECT_GT(passivity.ledger_j(), 0.6 * (0.05 + 0.04 * 0.1) * 0.01);
+  EXPECT_LT(passivity.ledger_j(), (0.05 + 0.04 * 0.1) * 0.01);
+}
+
+TEST(Passivity, BoundsItsDebt) {
+  Passivity passivity(strict());
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+  for (int k = 0; k < 100; ++k) move(passivity, tip, {2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
+  EXPECT_DOUBLE_EQ(passivity.ledger_j(), -0.01);
+  EXPECT_NEAR(passivity.absorbed_j(), -0.2, 1e-12);
+}
+
+// The reason it exists: a sampled spring stiffer than its own damping can pay for. Frictionless mass of 41 g on a wall
+// of 5000 N/m at 1 kHz: without control each bounce comes back faster than it went in.
 TEST(Passivity, KeepsAnActiveWallFromFeedingTheBounce) {
   const auto exit_speed = [](bool controlled) {
     PassivityConfig config;
@@ -84,12 +121,11 @@ TEST(Passivity, KeepsAnActiveWallFromFeedingTheBounce) {
     double v = -0.1;
     double force = 0.0;
     for (int tick = 0; tick < 200 && !(x > 0.0 && v > 0.0); ++tick) {
-      const double x0 = x;
       for (int sub = 0; sub < 10; ++sub) {
         v += force / 0.041 * 1e-4;
         x += v * 1e-4;
       }
-      passivity.observe({0.0, force, 0.0}, {0.0, x - x0, 0.0}, 1e-3);
+      passivity.observe({0.0, force, 0.0}, {0.0, x, 0.0}, 1e-3);
       const Eigen::Vector3d wish(0.0, x < 0.0 ? -5000.0 * x : 0.0, 0.0);
       bool acted = false;
       force = controlled ? passivity.control(wish, {0.0, v, 0.0}, 1e-3, acted).y() : wish.y();

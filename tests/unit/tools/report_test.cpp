@@ -45,7 +45,7 @@ RunReport make_report() {
   haptic.stats.slew_limited = 7;
   haptic.stats.wakeup_p999_us = 123.5;
   haptic.stats.energy_absorbed_j = 0.25;
-  haptic.stats.energy_injected_j = 0.125;
+  haptic.stats.energy_removed_j = 0.125;
   StalenessFigures error;
   error.force_n.add(3.0);
   error.force_n.add(4.0);
@@ -103,7 +103,7 @@ TEST(Report, HasEveryKeyOfItsSchema) {
   expect_keys(haptic["proxy_age_ms"], {"p50", "p99", "max"});
   expect_keys(haptic["force_n"], {"rms", "peak"});
   expect_keys(haptic["force_error_n"], {"rms", "peak", "reference"});
-  expect_keys(haptic["energy_j"], {"absorbed", "injected_by_damper"});
+  expect_keys(haptic["energy_j"], {"absorbed", "removed_by_damper"});
   expect_keys(haptic["safety"], {"clamped", "slew_limited", "stale_ticks", "nonfinite", "overspeed"});
   expect_keys(json["bare_loop"], {"ticks", "due", "overruns", "wakeup_latency_us"});
   expect_keys(json["physics"],
@@ -120,7 +120,7 @@ TEST(Report, CarriesTheFiguresToTheirKeys) {
   EXPECT_EQ(haptic["ticks_due"], 20000);
   EXPECT_EQ(haptic["wakeup_latency_us"]["p999"], 123.5);
   EXPECT_EQ(haptic["energy_j"]["absorbed"], 0.25);
-  EXPECT_EQ(haptic["energy_j"]["injected_by_damper"], 0.125);
+  EXPECT_EQ(haptic["energy_j"]["removed_by_damper"], 0.125);
   EXPECT_EQ(haptic["safety"]["slew_limited"], 7);
   EXPECT_NEAR(haptic["force_error_n"]["rms"].get<double>(), std::sqrt(12.5), 1e-12);
   EXPECT_EQ(haptic["force_error_n"]["peak"], 4.0);

@@ -1,0 +1,26 @@
+#pragma once
+/// @file leash.hpp
+/// A node that `rtbus run` started ends when its supervisor dies, however that happens.
+#include <signal.h>
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <string>
+
+namespace rtbus {
+
+/// Carries the supervisor's process number to its children.
+inline constexpr const char* kSupervisorVariable = "RTBUS_SUPERVISOR_PID";
+
+/// Asks the kernel for SIGTERM at the supervisor's death. The supervisor asks the same before it executes us, but the
+/// kernel forgets that when the program has file capabilities (prctl(2)), which is how ordinary users get realtime
+/// rights. Without a supervisor: nothing. Call it first in main(). @returns false when the supervisor is gone already.
+[[nodiscard]] inline bool stay_on_leash() {
+  const char* const text = std::getenv(kSupervisorVariable);
+  if (text == nullptr) return true;
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  return std::to_string(::getppid()) == text;
+}
+
+}  // namespace rtbus
