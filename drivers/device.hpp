@@ -1,6 +1,7 @@
 #pragma once
 /// @file device.hpp
-/// What the haptic loop asks of any device. Write a driver against this page; docs/writing-a-driver.md walks through one.
+/// What the haptic loop asks of any device. Write a driver against this page; docs/writing-a-driver.md walks through
+/// one.
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -16,33 +17,33 @@ using Quat = std::array<double, 4>;  ///< (w, x, y, z)
 
 /// Identity and limits. Constant after the device was opened. The one source of the force limit.
 struct DeviceInfo {
-  std::string model;                        ///< "phantom_desktop"
-  std::string serial;                       ///< Empty when it has none.
-  int dof_sensed = 3;                       ///< 3: position; 6: position and orientation.
-  int dof_actuated = 3;                     ///< 3: force.
-  double max_force_n = 0.0;                 ///< Peak, norm, at the tip [N].
-  double continuous_force_n = 0.0;          ///< What the motors stand for ever [N].
-  double thermal_time_constant_s = 12.0;    ///< Of the motor windings [s].
-  double max_slew_n_per_ms = 3.0;           ///< Growth of the force norm that is safe to feel [N/ms].
-  double max_stiffness_n_per_m = 0.0;       ///< Stiffest wall the maker or a measurement allows [N/m].
-  double position_quantum_m = 0.0;          ///< Smallest step of the encoders at the tip [m].
-  double apparent_mass_kg = 0.0;            ///< At the tip [kg].
-  double viscous_damping_n_s_per_m = 0.0;   ///< Of the mechanics, a safe lower bound [N·s/m].
-  double coulomb_friction_n = 0.0;          ///< Of the mechanics, a safe lower bound [N].
-  double max_speed_m_s = 2.0;               ///< Faster is a fault: the overspeed cut acts [m/s].
+  std::string model;                          ///< "phantom_desktop"
+  std::string serial;                         ///< Empty when it has none.
+  int dof_sensed = 3;                         ///< 3: position; 6: position and orientation.
+  int dof_actuated = 3;                       ///< 3: force.
+  double max_force_n = 0.0;                   ///< Peak, norm, at the tip [N].
+  double continuous_force_n = 0.0;            ///< What the motors stand for ever [N].
+  double thermal_time_constant_s = 12.0;      ///< Of the motor windings [s].
+  double max_slew_n_per_ms = 3.0;             ///< Growth of the force norm that is safe to feel [N/ms].
+  double max_stiffness_n_per_m = 0.0;         ///< Stiffest wall the maker or a measurement allows [N/m].
+  double position_quantum_m = 0.0;            ///< Smallest step of the encoders at the tip [m].
+  double apparent_mass_kg = 0.0;              ///< At the tip [kg].
+  double viscous_damping_n_s_per_m = 0.0;     ///< Of the mechanics, a safe lower bound [N·s/m].
+  double coulomb_friction_n = 0.0;            ///< Of the mechanics, a safe lower bound [N].
+  double max_speed_m_s = 2.0;                 ///< Faster is a fault: the overspeed cut acts [m/s].
   Vec3 workspace_min_m{-0.08, -0.06, -0.06};  ///< Frame D [m].
   Vec3 workspace_max_m{0.08, 0.06, 0.06};     ///< Frame D [m].
-  double force_timeout_s = 0.020;           ///< With no write for so long the device itself goes to zero [s].
-  bool can_pace_loop = false;               ///< wait_sample() works: `clock: device` is possible.
-  double sample_rate_hz = 0.0;              ///< At which it then paces the loop [Hz]; the loop's rate_hz must be the same.
+  double force_timeout_s = 0.020;             ///< With no write for so long the device itself goes to zero [s].
+  bool can_pace_loop = false;                 ///< wait_sample() works: `clock: device` is possible.
+  double sample_rate_hz = 0.0;  ///< At which it then paces the loop [Hz]; the loop's rate_hz must be the same.
 };
 
 /// One measurement.
 struct DeviceSample {
-  Vec3 position_m{};                 ///< p_DT [m].
+  Vec3 position_m{};                  ///< p_DT [m].
   Quat orientation_wxyz{1, 0, 0, 0};  ///< q_DT.
-  std::uint32_t buttons = 0;         ///< Bit i: button i pressed.
-  std::uint64_t time_ns = 0;         ///< When it was measured, CLOCK_MONOTONIC.
+  std::uint32_t buttons = 0;          ///< Bit i: button i pressed.
+  std::uint64_t time_ns = 0;          ///< When it was measured, CLOCK_MONOTONIC.
 };
 
 /// Force on the hand at T, in D.
@@ -91,8 +92,10 @@ class Device {
 
   /// Force on the hand at T in D [N], clamped to info().max_force_n (each clamp is counted: it should stay at zero,
   /// the loop clamps first). A non-finite force counts as zero. Acts until the next write or for force_timeout_s.
+  /// Anything but kOk means that it was not taken: the loop counts the device as lost until a write succeeds.
   /// @realtime Yes.
-  [[nodiscard]] virtual IoStatus write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING = 0;
+  [[nodiscard]] virtual IoStatus write(std::uint64_t now_ns,
+                                       const ForceCommand& command) noexcept RTBUS_NONBLOCKING = 0;
 
   /// Commands that write() had to clamp or refuse since start [count]. @realtime Yes.
   [[nodiscard]] virtual std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING = 0;

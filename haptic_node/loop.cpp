@@ -1,6 +1,7 @@
 #include "haptic_node/loop.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
@@ -33,11 +34,13 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       link_(link),
       measure_(measure),
       dt_s_(static_cast<double>(config.period_ns()) * 1e-9),
-      mapping_(config.mapping),
+      // In 1 ms steps: two processes that follow each other get different ones. Fixed where runs must repeat.
+      mapping_(config.mapping, measure ? static_cast<std::uint32_t>(rtbus::monotonic_ns() >> 20) : 1),
       renderer_(make_renderer(config, mapping_)),
       velocity_(config.velocity_cutoff_hz),
       safety_(config.safety),
-      monitor_(config.link) {}
+      monitor_(config.link),
+      force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {}
 
 void Loop::note(LoopEvent event) noexcept {
   if (event_count_ < kMaxEvents) events_[event_count_++] = event;
@@ -73,7 +76,8 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
   const bool was_alive = link_alive_;
   link_alive_ = monitor_.update(now_ns);
   if (link_alive_ && !was_alive) {
-    renderer_->reset();
+    // The first answer after a loss is one to a sample from before it.
+    begin_anew_ = monitor_.losses() > 0;
     note(LoopEvent::kLinkAlive);
   } else if (!link_alive_ && was_alive) {
     note(LoopEvent::kLinkLost);
@@ -144,7 +148,7 @@ bool Loop::read_device(std::uint64_t now_ns) noexcept {
   // not a number, or that did not take the last force, gets none.
   const drivers::IoStatus io = device_.read(now_ns, sample_);
   const bool answers = io == drivers::IoStatus::kOk || io == drivers::IoStatus::kStale;
-  const bool ok = answers && !write_failed_ && to_vector(sample_.position_m).allFinite();
+  const bool ok = answers && !write_failed_ && sane_position(to_vector(sample_.position_m));
   if (device_ok_ && !ok) note(LoopEvent::kDeviceLost);
   if (ok && !device_ok_) {
     if (device_seen_) note(LoopEvent::kDeviceBack);
@@ -155,12 +159,12 @@ bool Loop::read_device(std::uint64_t now_ns) noexcept {
   return ok;
 }
 
-void Loop::enable_edge(bool enabled, std::uint64_t now_ns) noexcept {
+void Loop::enable_edge(bool enabled, std::uint64_t sample_ns) noexcept {
   // Each time forces are enabled everything begins at zero stored energy: physics puts its proxy onto the hand when it
   // sees the new epoch, the law forgets its history, and the gate waits for the first answer to a sample from now on.
   if (enabled && !enabled_) {
     mapping_.renew();
-    enabled_ns_ = now_ns;
+    enabled_ns_ = sample_ns;
     proxy_.valid = false;
     renderer_->reset();
   }
@@ -184,6 +188,11 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   // 2. Does the user want force, and what does physics say?
   const bool enabled =
       device_ok && !clutched_ && (config_.enable_button < 0 || pressed(sample_.buttons, config_.enable_button));
+  // A loop that was held up for longer than the device holds a force begins anew, and so does one whose physics came
+  // back.
+  const bool held_up = last_cycle_ns_ != 0 && now_ns - last_cycle_ns_ > force_timeout_ns_;
+  if (held_up || std::exchange(begin_anew_, false)) enabled_ = false;
+  last_cycle_ns_ = now_ns;
   enable_edge(enabled, sample_.time_ns);
   take_news(now_ns);
 
@@ -214,6 +223,11 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   drivers::ForceCommand command;
   command.force_n = to_array(safe.force_n);
   const std::uint64_t computed_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
+  if (measure_ && computed_ns > now_ns + force_timeout_ns_) {
+    // Held up between the sample and here: this force answers a hand that is no longer there.
+    command.force_n = {};
+    safety_.not_sent();
+  }
   write_failed_ = device_.write(measure_ ? computed_ns : now_ns, command) != drivers::IoStatus::kOk;
   if (write_failed_) safety_.not_sent();
   const std::uint64_t written_ns = measure_ ? rtbus::monotonic_ns() : now_ns;

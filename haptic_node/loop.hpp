@@ -85,7 +85,7 @@ class Loop {
  private:
   [[nodiscard]] bool read_device(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   void take_news(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
-  void enable_edge(bool enabled, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void enable_edge(bool enabled, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
   void follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept RTBUS_NONBLOCKING;
   void describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m,
                      bool enabled) noexcept RTBUS_NONBLOCKING;
@@ -108,9 +108,12 @@ class Loop {
   rtbus::Stamped<rtbus::Heartbeat> beat_news_;
   drivers::DeviceSample sample_;
   bool device_ok_ = false;
-  bool device_seen_ = false;   ///< It has answered once.
-  bool write_failed_ = false;  ///< The last force did not leave: the device holds zero, or soon will.
+  bool device_seen_ = false;        ///< It has answered once.
+  bool write_failed_ = false;       ///< The last force did not leave: the device holds zero, or soon will.
+  std::uint64_t force_timeout_ns_;  ///< The device's own.
+  std::uint64_t last_cycle_ns_ = 0;
   bool enabled_ = false;
+  bool begin_anew_ = false;       ///< The next cycle enables afresh: physics has just come back.
   std::uint64_t enabled_ns_ = 0;  ///< Since when; proxies that answer earlier samples are void.
   bool link_alive_ = false;
   bool overspeed_ = false;

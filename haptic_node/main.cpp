@@ -91,8 +91,9 @@ int main(int argc, char** argv) {
     received = sigtimedwait(&ending, nullptr, &pause);
     node->report_events();
   }
-  spdlog::info("{}, ending at zero force", strsignal(received));
+  // Zero force first; words afterwards.
   node->stop();
   node->report_events();
+  spdlog::info("{}: ended at zero force", strsignal(received));
   return 0;
 }

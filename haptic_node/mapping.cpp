@@ -2,8 +2,8 @@
 
 namespace haptic {
 
-Mapping::Mapping(const MappingConfig& config) noexcept
-    : config_(config), rotation_WD_(config.q_WD.normalized().toRotationMatrix()) {}
+Mapping::Mapping(const MappingConfig& config, std::uint32_t first_epoch) noexcept
+    : config_(config), rotation_WD_(config.q_WD.normalized().toRotationMatrix()), epoch_(first_epoch) {}
 
 Eigen::Vector3d Mapping::position_to_world(const Eigen::Vector3d& p_D) const noexcept {
   return config_.offset_m + config_.position_scale * (rotation_WD_ * p_D);

@@ -22,7 +22,8 @@ struct MappingConfig {
 /// @realtime Yes, all of it.
 class Mapping {
  public:
-  explicit Mapping(const MappingConfig& config) noexcept;
+  /// @param first_epoch Should differ from that of a process before this one, whose answers may still be on their way.
+  explicit Mapping(const MappingConfig& config, std::uint32_t first_epoch = 1) noexcept;
 
   [[nodiscard]] Eigen::Vector3d position_to_world(const Eigen::Vector3d& p_D) const noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d velocity_to_world(const Eigen::Vector3d& v_D) const noexcept RTBUS_NONBLOCKING;
@@ -45,7 +46,7 @@ class Mapping {
  private:
   MappingConfig config_;
   Eigen::Matrix3d rotation_WD_;
-  std::uint32_t epoch_ = 1;
+  std::uint32_t epoch_;
 };
 
 }  // namespace haptic

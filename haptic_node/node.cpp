@@ -1,5 +1,6 @@
 #include "haptic_node/node.hpp"
 
+#include <poll.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -231,6 +232,10 @@ void Node::run_device(std::uint64_t start_ns) noexcept {
 
 void Node::report_events() {
   events_.drain([this](const rtbus::Event& record) {
+    // A terminal or pipe that takes no text may not hold up whoever has to end this node: what cannot be told is
+    // dropped.
+    pollfd out{STDERR_FILENO, POLLOUT, 0};
+    if (::poll(&out, 1, 0) != 1 || (out.revents & POLLOUT) == 0) return;
     const auto event = static_cast<LoopEvent>(record.code);
     spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));
   });

@@ -33,8 +33,8 @@ class Node {
   /// Starts both threads. Fails when `realtime.policy: enforce` was not granted.
   [[nodiscard]] rtbus::Result<void, NodeFault> start();
 
-  /// Tells the user what the loop has noted since the last call. It may block on a terminal that does not take its
-  /// text: for the thread that waits for signals, not for one that shows life. @realtime No.
+  /// Tells the user, on stderr, what the loop has noted since the last call; drops what stderr would not take at once.
+  /// One thread. @realtime No.
   void report_events();
 
   /// Ends the loop at zero force, stops the device, publishes the last statistics. Idempotent.

@@ -71,14 +71,15 @@ void read_safety(Map& entry, HapticConfig& out) {
       map->fail("slew_n_per_ms", "exceeds " + format_number(device.max_slew_n_per_ms) + " N/ms, the limit of " +
                                      device.model + "; lower it or leave it out");
     }
-    if (safety.slew_n_per_ms < slew_floor_n_per_ms) {
+    if (safety.slew_n_per_ms < slew_floor_n_per_ms * (1.0 - 1e-9)) {
       map->fail("slew_n_per_ms", "is below 2*K*v = " + format_number(slew_floor_n_per_ms) +
                                      " N/ms for K = " + format_number(out.stiffness_n_per_m) +
                                      " N/m and a hand at 0.6 m/s: the wall would lag; raise it or lower the stiffness");
     }
     safety.start_ramp_s = map->number("start_ramp_ms", {50.0, 1e4}, 200.0) * 1e-3;
     safety.resume_ramp_s = map->number("resume_ramp_ms", {10.0, 1e4}, 100.0) * 1e-3;
-    safety.overspeed_m_s = map->number("overspeed_m_s", {0.1, device.max_speed_m_s}, safety.overspeed_m_s);
+    safety.overspeed_m_s =
+        map->number("overspeed_m_s", {std::min(0.1, device.max_speed_m_s), device.max_speed_m_s}, safety.overspeed_m_s);
     safety.stale_fade_s = map->number("stale_fade_ms", {0.0, 40.0}, 40.0) * 1e-3;
     out.link.loss_timeout_s = map->number("loss_timeout_ms", {25.0, 60.0}, 55.0) * 1e-3;
     map->finish();

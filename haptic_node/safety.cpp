@@ -35,10 +35,13 @@ Eigen::Vector3d shortened(const Eigen::Vector3d& v, double limit) noexcept {
 }
 }  // namespace
 
+bool sane_position(const Eigen::Vector3d& p_DT) noexcept { return sane(p_DT, kAbsurdPosition_m); }
+
 SafetyLadder::SafetyLadder(const SafetyConfig& config) noexcept
     : config_(config),
       passivity_(config.passivity),
       speed_(kOverspeedCutoff_hz),
+      held_(config.force_timeout_s),
       // Nobody knows how warm the windings are: the peak is free, but only just.
       thermal_load_n2_(kThermalKnee * config.continuous_force_n * config.continuous_force_n) {}
 
@@ -88,7 +91,7 @@ double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted)
     fading_ = false;
   } else if (!fading_) {
     fading_ = true;
-    fade_from_n_ = sent_n_.norm();
+    fade_from_n_ = gate_ > 0.0 ? std::min(sent_n_.norm() / gate_, config_.max_force_n) : 0.0;
   }
   if (overspeed_ || !input.device_ok) {
     // A cut, not a fade: the tip is running away, or nobody knows where it is.
@@ -116,41 +119,26 @@ double SafetyLadder::thermal_limit_n() const noexcept {
   return std::sqrt(peak2 - (peak2 - continuous2) * excess);
 }
 
-void SafetyLadder::hold(const Eigen::Vector3d& force_n, std::uint64_t until_ns) noexcept {
-  if (until_ns <= held_until_ns_) return;
-  // Longer than its time-out no device holds a force.
-  impulse_n_s_ += force_n * std::min(rtbus::seconds_between(held_until_ns_, until_ns), config_.force_timeout_s);
-  held_until_ns_ = until_ns;
-}
-
 void SafetyLadder::book_energy(const SafetyInput& input) noexcept {
-  // The force of the cycle before last acted until the last cycle wrote its own; a device that delivers late samples
-  // and takes forces late is booked as it was, not as it was meant.
-  if (last_cycle_ns_ != 0 && last_sample_ns_ != 0) {
-    const std::uint64_t until_ns = input.device_ok ? input.sample_time_ns : input.now_ns;
-    hold(before_n_, std::min(last_cycle_ns_, until_ns));
-    hold(sent_n_, until_ns);
-  }
   if (!input.device_ok || (last_sample_ns_ != 0 && input.sample_time_ns <= last_sample_ns_)) return;
   const double elapsed_s = last_sample_ns_ == 0 ? 0.0 : rtbus::seconds_between(last_sample_ns_, input.sample_time_ns);
-  passivity_.observe(elapsed_s > 0.0 ? Eigen::Vector3d(impulse_n_s_ / elapsed_s) : Eigen::Vector3d::Zero(),
-                     input.position_m, elapsed_s);
-  impulse_n_s_.setZero();
-  last_sample_ns_ = held_until_ns_ = input.sample_time_ns;
+  Eigen::Vector3d mean_n = Eigen::Vector3d::Zero();
+  if (elapsed_s > 0.0) mean_n = held_.impulse_n_s(last_sample_ns_, input.sample_time_ns) / elapsed_s;
+  passivity_.observe(mean_n, input.position_m, elapsed_s);
+  last_sample_ns_ = input.sample_time_ns;
 }
 
 void SafetyLadder::start_over() noexcept {
   gate_ = 0.0;
   slewed_n_.setZero();
   sent_n_.setZero();
-  before_n_.setZero();
   speed_.reset();
 }
 
 SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   SafetyOutput out;
   SafetyInput checked = input;
-  if (!sane(input.position_m, kAbsurdPosition_m) || !sane(input.velocity_m_s, kAbsurdSpeed_m_s)) {
+  if (!sane_position(input.position_m) || !sane(input.velocity_m_s, kAbsurdSpeed_m_s)) {
     // A pose that is not a number: as good as no device.
     checked.device_ok = false;
     checked.velocity_m_s.setZero();
@@ -171,9 +159,10 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   force = limit_slew(force, checked, out.acted);
   watch_speed(checked);
   out.gate = update_gate(checked, out.acted);
+  // A fade only ever falls, also when the law goes on pulling harder at a proxy that stands still. The slew limit's own
+  // state is held down with it, so that a fade that is called off goes on from here.
+  if (fading_) force = slewed_n_ = shortened(slewed_n_, fade_from_n_);
   force *= out.gate;
-  // A fade only ever falls, also when the law goes on pulling harder at a proxy that stands still.
-  if (fading_) force = shortened(force, fade_from_n_ * out.gate);
   const double thermal_n = thermal_limit_n();
   force = clamp(force, thermal_n, kThermalLimited, out.acted);
 
@@ -185,7 +174,7 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   const double since_s = last_cycle_ns_ == 0 ? checked.dt_s : rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
   const double weight = since_s / (since_s + config_.thermal_time_constant_s);
   thermal_load_n2_ += weight * (force.squaredNorm() - thermal_load_n2_);
-  before_n_ = sent_n_;
+  held_.write(checked.now_ns, force);
   sent_n_ = force;
   last_cycle_ns_ = checked.now_ns;
   out.force_n = force;

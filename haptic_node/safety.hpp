@@ -12,6 +12,7 @@
 
 #include <Eigen/Core>
 
+#include "haptic_node/held_force.hpp"
 #include "haptic_node/passivity.hpp"
 #include "haptic_node/velocity.hpp"
 #include "rtbus/realtime.hpp"
@@ -64,6 +65,9 @@ struct SafetyOutput {
   double gate = 0.0;                                  ///< Ramp × fade × cut, 0…1.
 };
 
+/// A position that can be meant: finite, and nearer than a kilometre. Loop and ladder judge by the same.
+[[nodiscard]] bool sane_position(const Eigen::Vector3d& p_DT) noexcept RTBUS_NONBLOCKING;
+
 /// One per loop. @realtime Yes: constant time, no allocation.
 ///
 /// A loop that was held up for longer than the device's time-out finds a device at zero: it starts again at gate 0, as
@@ -75,7 +79,10 @@ class SafetyLadder {
   [[nodiscard]] SafetyOutput apply(const SafetyInput& input) noexcept RTBUS_NONBLOCKING;
 
   /// The force of the last apply() did not reach the device: it holds zero or will soon. @realtime Yes.
-  void not_sent() noexcept RTBUS_NONBLOCKING { sent_n_.setZero(); }
+  void not_sent() noexcept RTBUS_NONBLOCKING {
+    sent_n_.setZero();
+    held_.revoke();
+  }
 
   [[nodiscard]] const Passivity& passivity() const noexcept { return passivity_; }
   /// Mean square force over the thermal time constant [N²].
@@ -89,24 +96,21 @@ class SafetyLadder {
   [[nodiscard]] double update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept;
   void watch_speed(const SafetyInput& input) noexcept;
   void book_energy(const SafetyInput& input) noexcept;
-  void hold(const Eigen::Vector3d& force_n, std::uint64_t until_ns) noexcept;
   void start_over() noexcept;
   [[nodiscard]] double thermal_limit_n() const noexcept;
 
   SafetyConfig config_;
   Passivity passivity_;
-  VelocityEstimator speed_;                                ///< Of its own, so that no filter setting blinds the cut.
-  bool ever_open_ = false;                                 ///< The start ramp has been completed once.
-  std::uint64_t last_cycle_ns_ = 0;                        ///< 0: none yet.
-  std::uint64_t last_sample_ns_ = 0;                       ///< 0: none yet.
-  std::uint64_t held_until_ns_ = 0;                        ///< Up to here impulse_n_s_ is complete.
-  Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();  ///< ∫F dt on the hand since the last sample.
-  Eigen::Vector3d before_n_ = Eigen::Vector3d::Zero();     ///< What acted until the last cycle's write.
-  Eigen::Vector3d slewed_n_ = Eigen::Vector3d::Zero();     ///< Force after the slew limit, before the gate.
-  Eigen::Vector3d sent_n_ = Eigen::Vector3d::Zero();       ///< What left in the last cycle.
+  VelocityEstimator speed_;                             ///< Of its own, so that no filter setting blinds the cut.
+  bool ever_open_ = false;                              ///< The start ramp has been completed once.
+  std::uint64_t last_cycle_ns_ = 0;                     ///< 0: none yet.
+  std::uint64_t last_sample_ns_ = 0;                    ///< 0: none yet.
+  HeldForce held_;                                      ///< What acted on the hand of late.
+  Eigen::Vector3d slewed_n_ = Eigen::Vector3d::Zero();  ///< Force after the slew limit, before the gate.
+  Eigen::Vector3d sent_n_ = Eigen::Vector3d::Zero();    ///< What left in the last cycle.
   double gate_ = 0.0;
   bool fading_ = false;
-  double fade_from_n_ = 0.0;  ///< Norm of the force when the fade began.
+  double fade_from_n_ = 0.0;  ///< Norm of the ungated force when the fade began.
   bool overspeed_ = false;
   double slow_s_ = 0.0;  ///< How long the tip has been slow since the cut.
   double thermal_load_n2_ = 0.0;

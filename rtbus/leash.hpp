@@ -5,6 +5,7 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <cstdlib>
 #include <string>
 
@@ -20,7 +21,12 @@ inline constexpr const char* kSupervisorVariable = "RTBUS_SUPERVISOR_PID";
   const char* const text = std::getenv(kSupervisorVariable);
   if (text == nullptr) return true;
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  return std::to_string(::getppid()) == text;
+  if (std::to_string(::getppid()) == text) return true;
+  std::fprintf(
+      stderr,
+      "%s names process %s, which is not the parent of this one: its supervisor is gone. Unset it to run alone.\n",
+      kSupervisorVariable, text);
+  return false;
 }
 
 }  // namespace rtbus

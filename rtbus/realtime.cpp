@@ -114,7 +114,7 @@ bool may_lock_everything() {
 
 void lock_memory(RealtimeGrant& grant) {
   // Under a limit, MCL_FUTURE would make a later mmap or malloc fail once the limit is reached: a small limit then
-  // locks what is there now, and the loop has everything by now.
+  // locks what is there now. Topics that come later are faulted in when they are opened, but not locked.
   if (::mlockall(may_lock_everything() ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0) {
     grant.memory_locked = true;
     return;
