@@ -197,7 +197,7 @@ void Node::beat_thread() noexcept {
   // The counts of the last six statistics span one second.
   std::array<std::pair<std::uint64_t, std::uint64_t>, 6> history{};  // (time, steps)
   history.fill({rtbus::monotonic_ns(), 0});
-  const auto publish_stats = [&] {
+  const auto publish_stats = [&](bool ending) {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     stats.steps = steps_.load(std::memory_order_relaxed);
     stats.late = late_.load(std::memory_order_relaxed);
@@ -208,7 +208,8 @@ void Node::beat_thread() noexcept {
     std::rotate(history.begin(), history.begin() + 1, history.end());
     history.back() = {now_ns, stats.steps};
     const double span_s = rtbus::seconds_between(history.front().first, now_ns);
-    stats.achieved_hz = span_s > 0.1 ? static_cast<double>(stats.steps - history.front().second) / span_s : 0.0;
+    if (!ending)
+      stats.achieved_hz = span_s > 0.1 ? static_cast<double>(stats.steps - history.front().second) / span_s : 0.0;
     topics_->step_stats.publish(stats, now_ns);
   };
 
@@ -220,7 +221,7 @@ void Node::beat_thread() noexcept {
                  : stepped                                   ? rtbus::NodeState::kRunning
                                                              : rtbus::NodeState::kStarting);
     for (const auto& subscription : topics_->device_states) subscription->maintain();
-    if (round % kStatsEvery == 0) publish_stats();
+    if (round % kStatsEvery == 0) publish_stats(false);
     if (round % kInfoEvery == 0) {
       topics_->node_info.publish(info, rtbus::monotonic_ns());
       const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
@@ -233,7 +234,7 @@ void Node::beat_thread() noexcept {
     due_ns = std::max(due_ns + kBeatPeriodNs, rtbus::monotonic_ns());
     rtbus::sleep_until(due_ns);
   }
-  publish_stats();
+  publish_stats(true);  // the rate of a second in which steps ended says nothing
   publish_beat(rtbus::NodeState::kStopping);
 }
 
