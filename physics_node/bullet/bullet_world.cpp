@@ -40,8 +40,6 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
   btContactSolverInfo& info = world_.getSolverInfo();
   info.m_numIterations = settings.solver_iterations;
   info.m_solverMode |= SOLVER_RANDMIZE_ORDER;  // so spelt
-  info.m_splitImpulse = 1;
-  info.m_splitImpulsePenetrationThreshold = 0;  // at any depth, see the class comment
   solver_.setRandSeed(kShuffleSeed);
 
   // Copies in a grid share their shape: the reader gives neighbours the same dimensions and file.
