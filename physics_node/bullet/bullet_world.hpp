@@ -24,7 +24,8 @@ namespace physics::bullet {
 ///
 /// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
 /// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
-/// inertia of their bounding box; impacts slower than 2·g·h do not bounce.
+/// inertia of their bounding box; impacts slower than 2·g·h do not bounce, and others bounce up to a third higher than their
+/// restitution says, because the depth reached in the step of the impact is pushed out through the velocity.
 class BulletWorld final : public World {
  public:
   static constexpr double kSmallestRadius = 0.05;
