@@ -1,24 +1,83 @@
 #include "physics_node/engine_registry.hpp"
 
+#include <dlfcn.h>
+
+#include <filesystem>
+
 #include "physics_node/analytic/analytic_world.hpp"
 
 namespace physics {
 namespace {
 
-std::unique_ptr<World> make_analytic(const rtbus::config::Scene& scene) {
-  for (const rtbus::config::Body& body : scene.bodies) {
-    if (body.type != rtbus::config::BodyType::kStatic) {
-      throw rtbus::config::Error(scene.file + ": body " + body.name +
-                                 " moves, which the engine analytic cannot do; make it "
-                                 "static or choose an engine that moves bodies");
+using rtbus::config::Body;
+using rtbus::config::BodyType;
+using rtbus::config::Error;
+using rtbus::config::Scene;
+
+std::unique_ptr<World> make_analytic(const Scene& scene, const EngineSettings&) {
+  for (const Body& body : scene.bodies) {
+    if (body.type != BodyType::kStatic) {
+      throw Error(scene.file + ": body " + body.name +
+                  " moves, which the engine analytic cannot do; make it static or write engine: bullet");
+    }
+    if (body.shape.index() >= std::variant_size_v<rtbus::shapes::Shape>) {
+      throw Error(scene.file + ": body " + body.name + " is a " + std::string(name_of(body.shape)) +
+                  ", which the engine analytic does not know; it knows plane, sphere and box; write engine: bullet");
+    }
+    if (body.restitution != 0.0) {
+      throw Error(scene.file + ": body " + body.name +
+                  " has a restitution, which the engine analytic does not know; leave it out or write engine: bullet");
     }
   }
   return std::make_unique<AnalyticWorld>(scene.static_shapes());
 }
 
+/// Beside this program, or in ../lib: where the build and an installation put modules.
+std::vector<std::filesystem::path> module_places(std::string_view module) {
+  std::error_code failed;
+  const auto folder = std::filesystem::read_symlink("/proc/self/exe", failed).parent_path();
+  return {folder / module, (folder / "../lib" / module).lexically_normal()};
+}
+
+std::filesystem::path find_module(std::string_view module) {
+  std::error_code failed;
+  for (const auto& place : module_places(module)) {
+    if (std::filesystem::is_regular_file(place, failed)) return place;
+  }
+  return {};
+}
+
+/// Loads a module once per process and asks for its table.
+const EngineModule& load_module(const EngineEntry& entry, const std::string& scene_file) {
+  const std::string wanted = scene_file + ": physics.engine = " + std::string(entry.name);
+  const auto file = find_module(entry.module);
+  if (file.empty()) {
+    const auto places = module_places(entry.module);
+    throw Error(wanted + " needs the module " + std::string(entry.module) + ", which is not in " +
+                places[0].parent_path().string() + " or " + places[1].parent_path().string() +
+                "; build with RTBUS_WITH_BULLET=ON (Debian package libbullet-dev), or choose another engine");
+  }
+  void* const library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);  // again: the same handle
+  if (library == nullptr) throw Error(wanted + ": cannot load its module: " + dlerror());
+  const auto function = reinterpret_cast<EngineModuleFunction>(dlsym(library, kEngineModuleSymbol));
+  if (function == nullptr) throw Error(wanted + ": " + file.string() + " is no engine module; build it anew");
+  const EngineModule* const module = function();
+  if (module->abi_version != kEngineAbiVersion || module->scene_bytes != sizeof(Scene) ||
+      module->body_bytes != sizeof(Body)) {
+    throw Error(wanted + ": " + file.string() + " belongs to another build of this program; build both anew");
+  }
+  return *module;
+}
+
+std::unique_ptr<World> make_bullet(const Scene& scene, const EngineSettings& settings) {
+  return load_module(*find_engine("bullet"), scene.file).make_world(scene, settings);
+}
+
 constexpr EngineEntry kEngines[] = {
     {"analytic", "Exact contact with static planes, spheres and boxes",
-     "Bullet, moving bodies, soft bodies, body poses, contact constraints on the link", &make_analytic},
+     "Bullet, moving bodies, soft bodies, body poses, contact constraints on the link", "", &make_analytic},
+    {"bullet", "Bullet: rigid bodies that move, stack and sleep",
+     "soft bodies, body poses, contact constraints on the link", "libphysics_bullet.so", &make_bullet},
 };
 
 }  // namespace
@@ -38,14 +97,16 @@ const EngineEntry* find_engine(std::string_view name) noexcept {
   return nullptr;
 }
 
-std::unique_ptr<World> make_world(std::string_view engine, const rtbus::config::Scene& scene) {
+bool engine_present(const EngineEntry& entry) { return entry.module.empty() || !find_module(entry.module).empty(); }
+
+std::unique_ptr<World> make_world(std::string_view engine, const Scene& scene, const EngineSettings& settings) {
   const EngineEntry* entry = find_engine(engine);
   if (entry == nullptr) {
     std::string known;
     for (const std::string& name : engine_names()) known += (known.empty() ? "" : ", ") + name;
-    throw rtbus::config::Error("physics.engine = " + std::string(engine) + " is not known; choose " + known);
+    throw Error("physics.engine = " + std::string(engine) + " is not known; choose " + known);
   }
-  return entry->factory(scene);
+  return entry->factory(scene, settings);
 }
 
 }  // namespace physics

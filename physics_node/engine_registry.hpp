@@ -7,19 +7,22 @@
 #include <string_view>
 #include <vector>
 
+#include "physics_node/engine_module.hpp"
 #include "physics_node/world.hpp"
 #include "rtbus/config/scene.hpp"
 
 namespace physics {
 
 /// Makes a world from a checked scene. An engine that lives in a module of its own loads it in here, so that a session
-/// which names another engine never maps it. Throws rtbus::config::Error when the engine cannot do what the scene asks.
-using EngineFactory = std::unique_ptr<World> (*)(const rtbus::config::Scene& scene);
+/// which names another engine never maps it. Throws rtbus::config::Error when the engine cannot do what the scene asks,
+/// or when its module is not there.
+using EngineFactory = std::unique_ptr<World> (*)(const rtbus::config::Scene& scene, const EngineSettings& settings);
 
 struct EngineEntry {
   std::string_view name;         ///< In YAML, `physics.engine`.
   std::string_view description;  ///< One line for people.
   std::string_view left_out;     ///< Comma-separated: what a session with this engine does without.
+  std::string_view module;       ///< File that the engine lives in; empty: in the node itself.
   EngineFactory factory;
 };
 
@@ -31,8 +34,12 @@ struct EngineEntry {
 /// Null when there is no row of that name.
 [[nodiscard]] const EngineEntry* find_engine(std::string_view name) noexcept;
 
+/// False when the engine lives in a module that was not built or is not installed beside this program.
+[[nodiscard]] bool engine_present(const EngineEntry& entry);
+
 /// The world of `scene` in the engine of that name. Throws rtbus::config::Error, which lists the engines when the name
 /// is unknown and names the body when the engine cannot do it.
-[[nodiscard]] std::unique_ptr<World> make_world(std::string_view engine, const rtbus::config::Scene& scene);
+[[nodiscard]] std::unique_ptr<World> make_world(std::string_view engine, const rtbus::config::Scene& scene,
+                                                const EngineSettings& settings = {});
 
 }  // namespace physics

@@ -47,8 +47,9 @@ Node::~Node() { stop(); }
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
   const NodeConfig& settings = node->config_;
-  node->stepper_ = std::make_unique<Stepper>(make_world(settings.physics.engine, settings.scene), settings.proxies,
-                                             settings.physics.parts_per_step());
+  node->stepper_ = std::make_unique<Stepper>(
+      make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()), settings.proxies,
+      settings.physics.parts_per_step());
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
@@ -90,6 +91,9 @@ void Node::start() {
                  physics.parts_per_step());
   }
   spdlog::info("physics: left out: {}", engine->left_out);
+  for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
+    spdlog::warn("physics: {}", warning);
+  }
   beat_thread_ = std::thread([this] { beat_thread(); });
   step_thread_ = std::thread([this] { step_thread(); });
 }

@@ -27,6 +27,7 @@ PhysicsConfig read_physics_config(Map& map) {
   config.rate_hz = map.number("rate_hz", {1.0, 20000.0}, config.rate_hz);
   if (map.has("throttle_hz")) config.throttle_hz = map.number("throttle_hz", {0.5, 1000.0});
   config.substeps = static_cast<int>(map.integer("substeps", 1, 1000, config.substeps));
+  config.solver_iterations = static_cast<int>(map.integer("solver_iterations", 1, 1000, config.solver_iterations));
   if (config.throttle_hz && *config.throttle_hz > config.rate_hz) {
     map.fail("throttle_hz", "is above physics.rate_hz: a throttle slows the steps down; lower it or leave it out");
   }

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "physics_node/engine_module.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/config/session.hpp"
 
@@ -23,6 +24,9 @@ struct PhysicsConfig {
   std::optional<double> throttle_hz;  ///< Imitates a machine that manages only so many steps per second.
   int substeps = 1;                   ///< Equal parts that each 1/rate_hz of simulated time is cut into.
 
+  int solver_iterations = 10;         ///< Of an engine that solves contacts by iteration; analytic does not.
+
+  [[nodiscard]] EngineSettings engine_settings() const noexcept { return {solver_iterations}; }
   /// Simulated time of one step, which is also the period in which it happens [s].
   [[nodiscard]] double step_s() const noexcept { return 1.0 / throttle_hz.value_or(rate_hz); }
   /// Parts that one step is cut into.

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -41,6 +42,12 @@ struct ProxyReadout {
   std::uint32_t contacts = 0;
 };
 
+/// Where a body is: X_WB.
+struct BodyPose {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WB.
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
+};
+
 /// A simulated world. Made by an engine's factory from a checked scene.
 class World {
  public:
@@ -59,7 +66,18 @@ class World {
   virtual void step(double step_s) = 0;
 
   [[nodiscard]] virtual ProxyReadout proxy(std::size_t proxy) const = 0;
+
+  /// Of the scene, static ones included, proxies not.
   [[nodiscard]] virtual std::size_t bodies() const noexcept = 0;
+
+  /// Pose of body i in the scene's order (grids unrolled); i < bodies().
+  [[nodiscard]] virtual BodyPose body_pose(std::size_t body) const = 0;
+
+  /// Bodies that can move and have not been put to rest: what a step costs goes with them.
+  [[nodiscard]] virtual std::size_t awake_bodies() const noexcept = 0;
+
+  /// What a user should know before steps of at most `longest_step_s` are taken: one sentence each, with the remedy.
+  [[nodiscard]] virtual std::vector<std::string> warnings(double longest_step_s) const = 0;
 };
 
 }  // namespace physics

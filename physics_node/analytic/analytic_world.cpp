@@ -61,6 +61,11 @@ void AnalyticWorld::step(double step_s) {
 
 ProxyReadout AnalyticWorld::proxy(std::size_t index) const { return proxies_.at(index).state; }
 
+BodyPose AnalyticWorld::body_pose(std::size_t body) const {
+  const rtbus::shapes::PlacedShape& placed = shapes_.at(body);
+  return {placed.p_WB, placed.q_WB};
+}
+
 void AnalyticWorld::step_proxy(Proxy& proxy, double h) const {
   const double m = proxy.parameters.mass_kg;
   const double K = proxy.target.stiffness_n_per_m;

@@ -2,6 +2,7 @@
 /// @file analytic_world.hpp
 /// The reference engine: proxies against any number of static planes, spheres and boxes, exact where a closed form
 /// exists.
+#include <string>
 #include <vector>
 
 #include "physics_node/world.hpp"
@@ -40,6 +41,9 @@ class AnalyticWorld final : public World {
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
   [[nodiscard]] std::size_t bodies() const noexcept override { return shapes_.size(); }
+  [[nodiscard]] BodyPose body_pose(std::size_t body) const override;
+  [[nodiscard]] std::size_t awake_bodies() const noexcept override { return 0; }
+  [[nodiscard]] std::vector<std::string> warnings(double) const override { return {}; }
 
  private:
   struct Proxy {

@@ -1,59 +1,25 @@
 #include "rtbus/config/scene.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <optional>
 #include <string_view>
+#include <utility>
 
 namespace rtbus::config {
 namespace {
 
 // Farther than this a pose in double still resolves nanometres; a larger one is a slip of units.
 constexpr Range kPosition_m{-1000.0, 1000.0};
-constexpr Range kLength_m{1e-6, 1000.0};
+/// Of one scene, grids unrolled: far above what any engine steps in a second.
+constexpr std::size_t kMaxBodies = 20000;
 
 Eigen::Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
-using ShapeReader = shapes::Shape (*)(Map& keys);
-
-shapes::Shape read_plane(Map&) { return shapes::Plane{}; }
-shapes::Shape read_sphere(Map& keys) { return shapes::Sphere{keys.number("radius_m", kLength_m)}; }
-shapes::Shape read_box(Map& keys) { return shapes::Box{0.5 * to_vector(keys.numbers("size_m", 3, kLength_m))}; }
-
-struct ShapeEntry {
-  std::string_view name;
-  ShapeReader read;
-};
-constexpr std::array<ShapeEntry, 3> kShapes{{{"box", read_box}, {"plane", read_plane}, {"sphere", read_sphere}}};
-constexpr std::string_view kShapeNames = "box, plane, sphere";
-
-/// `shape: {box: {size_m: […]}}`: one key that names the shape, its dimensions below.
-shapes::Shape read_shape(Map& body) {
-  Map shape = body.map("shape");
-  const std::vector<std::string> names = shape.keys();
-  if (names.size() != 1) {
-    body.fail("shape", "needs exactly one shape; this build knows " + std::string(kShapeNames));
-  }
-  const auto* entry = std::find_if(kShapes.begin(), kShapes.end(),
-                                   [&names](const ShapeEntry& known) { return known.name == names.front(); });
-  if (entry == kShapes.end()) {
-    body.fail("shape", "names a shape that this build does not know: " + names.front() + "; it knows " +
-                           std::string(kShapeNames));
-  }
-  Map keys = shape.map(entry->name);
-  const shapes::Shape out = entry->read(keys);
-  keys.finish();
-  shape.finish();
-  return out;
-}
-
 BodyType read_type(Map& body) {
-  const std::string type = body.choice("type", {"static", "dynamic", "kinematic"});
-  if (type != "static") {
-    body.fail("type", "needs an engine that moves bodies, which this build does not have; it knows static");
-  }
-  return BodyType::kStatic;
+  return body.choice("type", {"static", "dynamic"}) == "static" ? BodyType::kStatic : BodyType::kDynamic;
 }
 
 Eigen::Quaterniond read_orientation(Map& body) {
@@ -66,23 +32,82 @@ Eigen::Quaterniond read_orientation(Map& body) {
   return orientation.normalized();
 }
 
+bool valid_name(const std::string& name) {
+  return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  });
+}
+
+void read_motion(Map& map, Body& body) {
+  if (body.type == BodyType::kStatic) {
+    for (const char* key : {"mass_kg", "linear_damping_per_s", "angular_damping_per_s", "asleep"}) {
+      if (map.has(key)) map.fail(key, "belongs to a body that moves; leave it out, or write type: dynamic");
+    }
+    return;
+  }
+  if (std::holds_alternative<shapes::Plane>(body.shape) || std::holds_alternative<Mesh>(body.shape)) {
+    map.fail("shape", "is a " + std::string(name_of(body.shape)) +
+                          ", which has no volume and cannot move; write type: static, or take a convex_hull or a box");
+  }
+  body.mass_kg = map.number("mass_kg", {1e-9, 1e6});
+  body.linear_damping_per_s = map.number("linear_damping_per_s", {0.0, 30.0}, 0.0);
+  body.angular_damping_per_s = map.number("angular_damping_per_s", {0.0, 30.0}, 0.0);
+  body.asleep = map.boolean("asleep", false);
+}
+
 Body read_body(Map& map) {
   Body body;
   body.name = map.text("name");
-  const bool valid =
-      !body.name.empty() && body.name.size() <= 64 && std::all_of(body.name.begin(), body.name.end(), [](char c) {
-        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
-      });
-  if (!valid) {
+  if (!valid_name(body.name)) {
     map.fail("name", "is not a name; use 1…64 letters, digits, '_' and '-'");
   }
   body.type = read_type(map);
-  body.shape = read_shape(map);
+  body.shape = read_body_shape(map);
   body.p_WB = to_vector(map.numbers("position_m", 3, kPosition_m, {0.0, 0.0, 0.0}));
   body.q_WB = read_orientation(map);
   body.friction = map.number("friction", {0.0, 2.0}, 0.0);
-  map.finish();
+  body.restitution = map.number("restitution", {0.0, 1.0}, 0.0);
+  read_motion(map, body);
   return body;
+}
+
+/// `grid: {count: [5, 5, 5], spacing_m: [0.02, 0.02, 0.02]}`: copies called name_i_j_k, the first where the body says.
+std::vector<Body> read_grid(Map& map, const Body& first) {
+  auto grid = map.optional_map("grid");
+  if (!grid) return {first};
+  const std::vector<double> count = grid->numbers("count", 3, {1.0, 10000.0});
+  const Eigen::Vector3d spacing_m = to_vector(grid->numbers("spacing_m", 3, kPosition_m));
+  for (const double each : count) {
+    if (each != std::floor(each)) grid->fail("count", "needs whole numbers: bodies along x, y and z");
+  }
+  if (count[0] * count[1] * count[2] > static_cast<double>(kMaxBodies)) {
+    grid->fail("count", "makes more than " + std::to_string(kMaxBodies) + " bodies");
+  }
+  grid->finish();
+  std::vector<Body> out;
+  for (int i = 0; i < static_cast<int>(count[0]); ++i) {
+    for (int j = 0; j < static_cast<int>(count[1]); ++j) {
+      for (int k = 0; k < static_cast<int>(count[2]); ++k) {
+        Body body = first;
+        body.name += '_' + std::to_string(i) + '_' + std::to_string(j) + '_' + std::to_string(k);
+        body.p_WB += Eigen::Vector3d(i, j, k).cwiseProduct(spacing_m);
+        out.push_back(std::move(body));
+      }
+    }
+  }
+  return out;
+}
+
+Deactivation read_deactivation(Map& scene) {
+  Deactivation out;
+  auto map = scene.optional_map("deactivation");
+  if (!map) return out;
+  out.enabled = map->boolean("enabled", out.enabled);
+  out.after_s = map->number("after_s", {0.01, 60.0}, out.after_s);
+  if (map->has("linear_m_s")) out.linear_m_s = map->number("linear_m_s", {0.0, 10.0});
+  if (map->has("angular_rad_s")) out.angular_rad_s = map->number("angular_rad_s", {0.0, 100.0});
+  map->finish();
+  return out;
 }
 
 }  // namespace
@@ -90,9 +115,12 @@ Body read_body(Map& map) {
 std::vector<shapes::PlacedShape> Scene::static_shapes() const {
   std::vector<shapes::PlacedShape> out;
   for (const Body& body : bodies) {
-    if (body.type == BodyType::kStatic) {
-      out.push_back({body.shape, body.q_WB, body.p_WB, body.friction});
-    }
+    if (body.type != BodyType::kStatic) continue;
+    std::optional<shapes::Shape> shape;
+    if (const auto* plane = std::get_if<shapes::Plane>(&body.shape)) shape = *plane;
+    if (const auto* sphere = std::get_if<shapes::Sphere>(&body.shape)) shape = *sphere;
+    if (const auto* box = std::get_if<shapes::Box>(&body.shape)) shape = *box;
+    if (shape) out.push_back({*shape, body.q_WB, body.p_WB, body.friction});
   }
   return out;
 }
@@ -103,15 +131,24 @@ Scene read_scene(Map& map) {
   scene.file = map.file();
   scene.name = map.text("name", std::filesystem::path(scene.file).stem().string());
   scene.gravity_m_s2 = to_vector(map.numbers("gravity_m_s2", 3, {-100.0, 100.0}, {0.0, -9.81, 0.0}));
+  scene.deactivation = read_deactivation(map);
+  std::map<std::string, std::size_t> item_of;  // which item of the list a name came from
+  std::size_t item_index = 0;
   for (Map& item : map.list_of_maps("bodies")) {
-    Body body = read_body(item);
-    const auto twin = std::find_if(scene.bodies.begin(), scene.bodies.end(),
-                                   [&body](const Body& other) { return other.name == body.name; });
-    if (twin != scene.bodies.end()) {
-      item.fail("name", "is the name of bodies." + std::to_string(twin - scene.bodies.begin()) +
-                            " already; names are unique in a scene");
+    const Body first = read_body(item);
+    for (Body& body : read_grid(item, first)) {
+      const auto [twin, is_new] = item_of.try_emplace(body.name, item_index);
+      if (!is_new) {
+        item.fail("name", "is the name of bodies." + std::to_string(twin->second) +
+                              " already; names are unique in a scene");
+      }
+      scene.bodies.push_back(std::move(body));
     }
-    scene.bodies.push_back(std::move(body));
+    if (scene.bodies.size() > kMaxBodies) {
+      item.fail("name", "makes more than " + std::to_string(kMaxBodies) + " bodies in this scene");
+    }
+    item.finish();
+    ++item_index;
   }
   map.finish();
   return scene;

@@ -8,33 +8,50 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "rtbus/config/body_shape.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace rtbus::config {
 
-/// How a body moves. The reader refuses what no engine of this build can move.
+/// How a body moves.
 enum class BodyType {
-  kStatic,  ///< Never moves.
+  kStatic,   ///< Never moves.
+  kDynamic,  ///< Moved by gravity, contacts and the hand. Needs an engine that moves bodies.
 };
 
 /// One body in W (right-handed, y up).
 struct Body {
   std::string name;  ///< Unique in the scene, [A-Za-z0-9_-], 1…64 characters.
   BodyType type = BodyType::kStatic;
-  shapes::Shape shape;                                       ///< In the body's frame.
+  BodyShape shape;                                           ///< In the body's frame.
   Eigen::Vector3d p_WB = Eigen::Vector3d::Zero();            ///< [m]
   Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();  ///< Unit length.
-  double friction = 0.0;                                     ///< Coulomb coefficient, 0…2.
+  double friction = 0.0;               ///< Coulomb coefficient, 0…2; of a pair: the product.
+  double restitution = 0.0;            ///< Speed after over speed before an impact, 0…1; of a pair: the product.
+  double mass_kg = 0.0;                ///< Of a dynamic body, spread evenly over its volume; else 0.
+  double linear_damping_per_s = 0.0;   ///< dv/dt = −λ·v, as of a body in air.
+  double angular_damping_per_s = 0.0;  ///< Likewise of the angular velocity.
+  bool asleep = false;                 ///< Starts at rest and stays so until something touches it.
+};
+
+/// When bodies that hardly move are put to rest, to save their share of each step. A touch wakes them.
+struct Deactivation {
+  bool enabled = true;
+  double after_s = 0.5;  ///< Slower than both speeds for so long.
+  std::optional<double> linear_m_s;     ///< None: the engine's choice, from size and gravity.
+  std::optional<double> angular_rad_s;  ///< Likewise.
 };
 
 struct Scene {
   Eigen::Vector3d gravity_m_s2{0.0, -9.81, 0.0};
-  std::vector<Body> bodies;
+  std::vector<Body> bodies;  ///< Grids already unrolled.
+  Deactivation deactivation;
   std::string name;  ///< From the file, else the file's name without folder and suffix.
   std::string file;  ///< Where it stands: its own file, or the session file it is written in.
 
-  /// The bodies that never move, in the scene's order: all that the `direct` law and the analytic engine need.
+  /// The planes, spheres and boxes that never move, in the scene's order: what the `direct` law and the analytic engine
+  /// know.
   [[nodiscard]] std::vector<shapes::PlacedShape> static_shapes() const;
 };
 

@@ -136,6 +136,29 @@ TEST(Loss, FadesWithin100MsAndComesBackSlowly) {
   EXPECT_NEAR(ticks.back().force_n[1], 0.402, 0.07) << "the tip rests on the wall again";
 }
 
+#if RTBUS_WITH_BULLET
+class BulletSession : public testing::TestWithParam<const char*> {};
+
+// Two runs of each shipped session, bit for bit, and the hand does what the session is for: it meets a body.
+TEST_P(BulletSession, RunsTwiceInTheSameWayAndTouches) {
+  std::uint64_t hash[2] = {};
+  double peak_n = 0.0;
+  for (std::uint64_t& each : hash) {
+    auto settings = session(std::string(GetParam()) + ".yaml");
+    Harness harness(settings, {});
+    harness.run(2.5, [&peak_n](const Telemetry& tick) { peak_n = std::max(peak_n, norm(tick.force_n)); });
+    each = harness.hash();
+  }
+  EXPECT_EQ(hash[0], hash[1]);
+  EXPECT_GT(peak_n, 0.05);
+  EXPECT_LE(peak_n, 7.9 + 1e-9);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shipped, BulletSession,
+                         testing::Values("stack_125", "stack_250", "stack_500", "free_block", "beads_mm", "mixed_sizes"),
+                         [](const auto& row) { return std::string(row.param); });
+#endif
+
 TEST(Clutch, MovesTheHandWithoutMovingTheToolAndReturnsWithoutAKick) {
   // Button 0 is pressed from 1.0 to 2.0 s while the hand goes on with its sinusoid.
   const std::string device =

@@ -264,6 +264,7 @@ TEST_F(Nodes, MapNeitherBulletNorLibusbForTheWall) {
     while (std::getline(maps, line)) {
       ++lines;
       EXPECT_EQ(line.find("Bullet"), std::string::npos) << line;
+      EXPECT_EQ(line.find("physics_bullet"), std::string::npos) << line;
       EXPECT_EQ(line.find("libusb"), std::string::npos) << line;
     }
     EXPECT_GT(lines, 10);

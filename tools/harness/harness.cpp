@@ -21,7 +21,7 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
   if (session.physics && haptic::find_renderer(config_.method)->needs_physics) {
     physics_ = physics::read_physics_config(*session.physics);
     stepper_ = std::make_unique<physics::Stepper>(
-        physics::make_world(physics_->engine, session.scene),
+        physics::make_world(physics_->engine, session.scene, physics_->engine_settings()),
         std::vector<physics::ProxyConfig>{physics::read_proxy_config(session.haptic[0])}, physics_->substeps);
     next_step_ns_ = kStart_ns + to_ns(options.physics_phase_s);
   }

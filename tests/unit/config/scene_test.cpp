@@ -55,5 +55,63 @@ bodies: [{name: wall, type: static, shape: {plane: {}}, orientation_wxyz: [2, 0,
   EXPECT_NEAR((q * Eigen::Vector3d::UnitY() + Eigen::Vector3d::UnitX()).norm(), 0.0, 1e-15);
 }
 
+TEST(Scene, ReadsBodiesThatMove) {
+  const Scene scene = read(R"(schema: scene/1
+deactivation: {after_s: 0.2, linear_m_s: 0.01}
+bodies:
+  - {name: pill, type: dynamic, mass_kg: 0.02, shape: {capsule: {radius_m: 0.01, length_m: 0.05}}, friction: 0.4,
+     restitution: 0.3, linear_damping_per_s: 0.1, angular_damping_per_s: 2, asleep: true}
+  - {name: tin, type: dynamic, mass_kg: 0.3, shape: {cylinder: {radius_m: 0.03, length_m: 0.1}}}
+)");
+  EXPECT_TRUE(scene.deactivation.enabled);
+  EXPECT_EQ(scene.deactivation.after_s, 0.2);
+  EXPECT_EQ(scene.deactivation.linear_m_s, 0.01);
+  EXPECT_FALSE(scene.deactivation.angular_rad_s.has_value());
+  ASSERT_EQ(scene.bodies.size(), 2U);
+  const Body& pill = scene.bodies[0];
+  EXPECT_EQ(pill.type, BodyType::kDynamic);
+  EXPECT_EQ(pill.mass_kg, 0.02);
+  EXPECT_EQ(pill.restitution, 0.3);
+  EXPECT_EQ(pill.linear_damping_per_s, 0.1);
+  EXPECT_EQ(pill.angular_damping_per_s, 2.0);
+  EXPECT_TRUE(pill.asleep);
+  EXPECT_EQ(std::get<Capsule>(pill.shape).length_m, 0.05);
+  EXPECT_EQ(std::get<Cylinder>(scene.bodies[1].shape).radius_m, 0.03);
+  EXPECT_EQ(name_of(scene.bodies[1].shape), "cylinder");
+}
+
+TEST(Scene, UnrollsAGridAndNamesItsBodies) {
+  const Scene scene = read(R"(schema: scene/1
+bodies:
+  - {name: cube, type: dynamic, mass_kg: 0.02, shape: {box: {size_m: [0.02, 0.02, 0.02]}}, position_m: [1, 2, 3],
+     grid: {count: [2, 3, 4], spacing_m: [0.1, 0.2, -0.3]}}
+)");
+  ASSERT_EQ(scene.bodies.size(), 24U);
+  EXPECT_EQ(scene.bodies.front().name, "cube_0_0_0");
+  EXPECT_EQ(scene.bodies.front().p_WB, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(scene.bodies.back().name, "cube_1_2_3");
+  EXPECT_NEAR((scene.bodies.back().p_WB - Eigen::Vector3d(1.1, 2.4, 2.1)).norm(), 0.0, 1e-15);
+}
+
+TEST(Scene, ReadsObjFilesWithPolygonsAndCountsFromTheEnd) {
+  const tests::TemporaryFolder folder;
+  folder.write("cube.obj",
+               "o cube\nv -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1 1.0\nv 1 -1 1\r\nv 1 1 1\n v -1 1 1\n"
+               "vn 0 0 1\nf 4 3 2 1\nf 5//1 6//1 7//1 8//1\nf -8 -7 -3\n");
+  Map map = load(folder.write("scene.yaml",
+                              "schema: scene/1\nbodies:\n  - {name: hull, type: dynamic, mass_kg: 1, shape: {convex_hull: "
+                              "{file: cube.obj, metres_per_unit: 0.01}}}\n  - {name: hill, type: static, shape: {mesh: "
+                              "{file: cube.obj}}}\n"));
+  const Scene scene = read_scene(map);
+  const TriangleMesh& points = *std::get<ConvexHull>(scene.bodies.at(0).shape).points;
+  ASSERT_EQ(points.vertices_m.size(), 8U);
+  EXPECT_EQ(points.vertices_m[7], Eigen::Vector3d(-0.01, 0.01, 0.01));
+  const TriangleMesh& surface = *std::get<Mesh>(scene.bodies.at(1).shape).surface;
+  ASSERT_EQ(surface.triangles.size(), 5U);  // two quadrilaterals and a triangle
+  EXPECT_EQ(surface.triangles[1], (std::array<std::uint32_t, 3>{3, 1, 0}));
+  EXPECT_EQ(surface.triangles[4], (std::array<std::uint32_t, 3>{0, 1, 5}));
+  EXPECT_TRUE(scene.static_shapes().empty()) << "direct knows neither hulls nor meshes";
+}
+
 }  // namespace
 }  // namespace rtbus::config

@@ -42,9 +42,32 @@ TEST(EngineRegistry, ListsTheEnginesWhenAskedForAnUnknownOne) {
 }
 
 TEST(EngineRegistry, NamesTheBodyThatAnalyticCannotMove) {
-  constexpr auto kMoving = static_cast<BodyType>(1);  // a type that only other engines know
-  EXPECT_THAT(message_of("analytic", scene_with(kMoving)),
-              AllOf(HasSubstr("scenes/peg.yaml"), HasSubstr("body peg moves")));
+  EXPECT_THAT(message_of("analytic", scene_with(BodyType::kDynamic)),
+              AllOf(HasSubstr("scenes/peg.yaml"), HasSubstr("body peg moves"), HasSubstr("engine: bullet")));
+}
+
+TEST(EngineRegistry, NamesTheBodyWhoseShapeOrBounceAnalyticDoesNotKnow) {
+  Scene scene = scene_with(BodyType::kStatic);
+  scene.bodies[0].shape = rtbus::config::Cylinder{0.01, 0.02};
+  EXPECT_THAT(message_of("analytic", scene), AllOf(HasSubstr("body peg is a cylinder"), HasSubstr("engine: bullet")));
+  scene = scene_with(BodyType::kStatic);
+  scene.bodies[0].restitution = 0.5;
+  EXPECT_THAT(message_of("analytic", scene), AllOf(HasSubstr("body peg has a restitution"), HasSubstr("engine: bullet")));
+}
+
+// Without this, a build that loses its module would only skip tests.
+TEST(EngineRegistry, BuildsWhatItPromises) {
+  EXPECT_TRUE(physics::engine_present(*physics::find_engine("analytic")));
+  EXPECT_EQ(physics::engine_present(*physics::find_engine("bullet")), RTBUS_WITH_BULLET != 0);
+  if (RTBUS_WITH_BULLET == 0) {
+    EXPECT_THAT(message_of("bullet", scene_with(BodyType::kStatic)),
+                AllOf(HasSubstr("libphysics_bullet.so"), HasSubstr("libbullet-dev")));
+  }
+}
+
+TEST(EngineRegistry, SaysWhereItLookedForAMissingModule) {
+  const physics::EngineEntry lost{"lost", "", "", "libphysics_lost.so", nullptr};
+  EXPECT_FALSE(physics::engine_present(lost));
 }
 
 TEST(EngineRegistry, DescribesEveryRow) {

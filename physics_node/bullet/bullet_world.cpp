@@ -1,0 +1,194 @@
+#include "physics_node/bullet/bullet_world.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+namespace physics::bullet {
+namespace {
+
+using Eigen::Vector3d;
+namespace config = rtbus::config;
+
+constexpr unsigned long kShuffleSeed = 1;
+
+// Who collides with whom: proxies with bodies, not with each other.
+constexpr int kStaticGroup = 1, kMovingGroup = 2, kProxyGroup = 4;
+
+double sleeping_speed_m_s(double gravity_m_s2, double extent_m) { return 0.06 * std::sqrt(gravity_m_s2 * extent_m); }
+double sleeping_rate_rad_s(double gravity_m_s2, double extent_m) { return 0.045 * std::sqrt(gravity_m_s2 / extent_m); }
+
+/// Of Bullet's velocities it takes away v·damping in a second, not in proportion to time: 1 − e^(−λ) is the same decay.
+btScalar damping_of(double per_s) { return static_cast<btScalar>(-std::expm1(-per_s)); }
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+}  // namespace
+
+BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& settings)
+    : deactivation_(scene.deactivation),
+      gravity_m_s2_(scene.gravity_m_s2.norm()),
+      smallest_m_(smallest_moving_extent_m(scene)),
+      scale_(length_scale(smallest_m_)),
+      scene_file_(scene.file) {
+  world_.setGravity(to_bullet(scene.gravity_m_s2, scale_));
+  btContactSolverInfo& info = world_.getSolverInfo();
+  info.m_numIterations = settings.solver_iterations;
+  info.m_solverMode |= SOLVER_RANDMIZE_ORDER;  // so spelt
+  solver_.setRandSeed(kShuffleSeed);
+
+  // Bullet's own algorithm for two spheres makes no contact while they are apart, however little, and keeps the old one
+  // with its old normal: a proxy that slides over a ball then lifts off along a tangent and drops back, 37 times a second.
+  // The general algorithm sees the gap and gives the normal anew in each step.
+  dispatcher_.registerCollisionCreateFunc(
+      SPHERE_SHAPE_PROXYTYPE, SPHERE_SHAPE_PROXYTYPE,
+      configuration_.getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE));
+
+  // Copies in a grid share their shape: the reader gives neighbours the same dimensions and file.
+  bodies_.reserve(scene.bodies.size());
+  const config::Body* previous = nullptr;
+  for (const config::Body& body : scene.bodies) {
+    const bool same = previous != nullptr && previous->shape.index() == body.shape.index() &&
+                      std::visit(
+                          [&body](const auto& other) {
+                            using Shape = std::decay_t<decltype(other)>;
+                            const auto& own = std::get<Shape>(body.shape);
+                            if constexpr (std::is_same_v<Shape, rtbus::shapes::Box>) {
+                              return own.half_size_m == other.half_size_m;
+                            } else if constexpr (std::is_same_v<Shape, rtbus::shapes::Sphere>) {
+                              return own.radius_m == other.radius_m;
+                            } else if constexpr (std::is_same_v<Shape, config::ConvexHull>) {
+                              return own.points == other.points;
+                            } else {
+                              return false;
+                            }
+                          },
+                          previous->shape);
+    add_body(body, same ? bodies_.back().made : std::make_shared<MadeShape>(make_shape(body.shape, scale_)));
+    previous = &body;
+  }
+}
+
+BulletWorld::~BulletWorld() {
+  for (const auto& proxy : proxies_) world_.removeRigidBody(&proxy->body());
+  for (const SceneBody& body : bodies_) world_.removeRigidBody(body.rigid.get());
+}
+
+void BulletWorld::add_body(const config::Body& body, std::shared_ptr<MadeShape> made) {
+  const bool moves = body.type == config::BodyType::kDynamic;
+  const auto mass = static_cast<btScalar>(moves ? body.mass_kg : 0.0);
+  btVector3 inertia(0, 0, 0);
+  if (moves) made->shape->calculateLocalInertia(mass, inertia);
+  btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, made->shape.get(), inertia);
+  info.m_startWorldTransform =
+      btTransform(to_bullet(body.q_WB), to_bullet(Vector3d(body.p_WB + body.q_WB * made->centre_m), scale_));
+  info.m_friction = static_cast<btScalar>(body.friction);
+  info.m_restitution = static_cast<btScalar>(body.restitution);
+  if (moves) {
+    info.m_linearDamping = damping_of(body.linear_damping_per_s);
+    info.m_angularDamping = damping_of(body.angular_damping_per_s);
+  }
+  auto rigid = std::make_unique<btRigidBody>(info);
+  // A contact that is seen before it touches brakes the body down to the rest of the gap in one step, and nothing is left
+  // to bounce. A body that bounces is therefore solved from touching on.
+  if (moves && body.restitution > 0.0) rigid->setContactProcessingThreshold(0);
+  world_.addRigidBody(rigid.get(), moves ? kMovingGroup : kStaticGroup,
+                      moves ? kStaticGroup | kMovingGroup | kProxyGroup : kMovingGroup | kProxyGroup);
+  if (moves) set_thresholds(body, *rigid);
+  bodies_.push_back({std::move(made), std::move(rigid)});
+}
+
+void BulletWorld::set_thresholds(const config::Body& body, btRigidBody& rigid) const {
+  const double extent_m = smallest_extent_m(body.shape);
+  const double speed = deactivation_.linear_m_s.value_or(sleeping_speed_m_s(gravity_m_s2_, extent_m));
+  const double rate = deactivation_.angular_rad_s.value_or(sleeping_rate_rad_s(gravity_m_s2_, extent_m));
+  rigid.setSleepingThresholds(static_cast<btScalar>(speed * scale_), static_cast<btScalar>(rate));
+  if (!deactivation_.enabled) {
+    rigid.setActivationState(DISABLE_DEACTIVATION);
+  } else if (body.asleep) {
+    rigid.forceActivationState(ISLAND_SLEEPING);
+  }
+}
+
+std::size_t BulletWorld::add_proxy(const ProxyParameters& parameters) {
+  const double radius_m = parameters.radius_m == 0.0 ? kSmallestRadius * smallest_m_ : parameters.radius_m;
+  auto proxy = std::make_unique<BulletProxy>(parameters, radius_m, scale_);
+  world_.addRigidBody(&proxy->body(), kProxyGroup, kStaticGroup | kMovingGroup);
+  proxies_.push_back(std::move(proxy));
+  return proxies_.size() - 1;
+}
+
+void BulletWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
+  BulletProxy& proxy = *proxies_.at(index);
+  if (!position_m.allFinite()) return;
+  proxy.reset(position_m);
+  // Contacts of the place it left must not act at the new one.
+  broadphase_.getOverlappingPairCache()->cleanProxyFromPairs(proxy.body().getBroadphaseHandle(), &dispatcher_);
+  world_.updateSingleAabb(&proxy.body());
+}
+
+void BulletWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) { proxies_.at(index)->set_target(target); }
+
+void BulletWorld::step(double step_s) {
+  if (!std::isfinite(step_s) || step_s <= 0.0) return;
+  const double h = std::clamp(step_s, kMinStepS, kMaxStepS);
+  // The time until a body sleeps is a global of Bullet's; a bounce slower than what gravity adds in two steps is none.
+  gDeactivationTime = static_cast<btScalar>(deactivation_.after_s);
+  world_.getSolverInfo().m_restitutionVelocityThreshold = static_cast<btScalar>(2.0 * gravity_m_s2_ * h * scale_);
+
+  for (const auto& proxy : proxies_) proxy->before_step(h);
+  world_.stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
+  for (const auto& proxy : proxies_) {
+    proxy->after_step(h, [this, &proxy] { return contacts_of(proxy->body()); });
+  }
+}
+
+ProxyReadout BulletWorld::proxy(std::size_t index) const { return proxies_.at(index)->state(); }
+
+BodyPose BulletWorld::body_pose(std::size_t index) const {
+  const SceneBody& body = bodies_.at(index);
+  const btTransform& pose = body.rigid->getWorldTransform();
+  const Eigen::Quaterniond q_WB = from_bullet(pose.getRotation());
+  return {from_bullet(pose.getOrigin(), scale_) - q_WB * body.made->centre_m, q_WB};
+}
+
+std::size_t BulletWorld::awake_bodies() const noexcept {
+  return static_cast<std::size_t>(std::count_if(bodies_.begin(), bodies_.end(), [](const SceneBody& body) {
+    return !body.rigid->isStaticObject() && body.rigid->isActive();
+  }));
+}
+
+std::uint32_t BulletWorld::contacts_of(const btRigidBody& body) {
+  std::uint32_t touching = 0;  // bodies, as the other engines count
+  for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
+    const btPersistentManifold* const manifold = dispatcher_.getInternalManifoldPointer()[i];
+    if (manifold->getBody0() != &body && manifold->getBody1() != &body) continue;
+    bool pushes = false;
+    for (int point = 0; point < manifold->getNumContacts(); ++point) {
+      pushes = pushes || manifold->getContactPoint(point).getAppliedImpulse() > 0;
+    }
+    if (pushes) ++touching;
+  }
+  return std::max(touching, 1U);  // asked only when something did push
+}
+
+std::vector<std::string> BulletWorld::warnings(double longest_step_s) const {
+  std::vector<std::string> out;
+  const bool moves = std::any_of(bodies_.begin(), bodies_.end(),
+                                 [](const SceneBody& body) { return !body.rigid->isStaticObject(); });
+  if (!moves || gravity_m_s2_ <= 0.0) return out;
+  const double resting_s = kRestingStep * std::sqrt(smallest_m_ / gravity_m_s2_);
+  if (longest_step_s > resting_s * (1.0 + 1e-9)) {
+    out.push_back(scene_file_ + ": a step of " + number(longest_step_s * 1e3) + " ms is longer than " +
+                  number(resting_s * 1e3) + " ms, up to which a stack of ten bodies of " + number(smallest_m_ * 1e3) +
+                  " mm rests; raise physics.rate_hz or physics.substeps (20 solver_iterations allow twice the step)");
+  }
+  return out;
+}
+
+}  // namespace physics::bullet

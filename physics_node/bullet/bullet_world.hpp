@@ -1,0 +1,75 @@
+#pragma once
+/// @file bullet_world.hpp
+/// The engine `bullet`: rigid bodies of any shape that move, stack, slide and sleep. Only files of this folder include
+/// Bullet; they make a module of their own (module.cpp).
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "physics_node/bullet/bullet_proxy.hpp"
+#include "physics_node/bullet/bullet_shapes.hpp"
+#include "physics_node/engine_module.hpp"
+
+namespace physics::bullet {
+
+/// Lengths are scaled by the smallest body that moves (length_scale()). Contacts are solved by sequential impulses in
+/// random order, which makes stacks creep ten times less than a fixed one; the shuffle is seeded per world, so that two
+/// runs of a scene are bit-identical. Bodies that overlap are pushed apart, by Bullet's defaults: deeper than 0.04 units as
+/// a displacement, which gives no body and no hand any speed; less deep through the velocity. (As a displacement at any
+/// depth, stacks crept two to twenty times as far, and ten layers fell over at 2 ms.)
+///
+/// Sleeping. A body slower than both thresholds for deactivation.after_s, with everything it touches, stops costing
+/// anything until something awake touches it. Where the scene names no threshold it is 6 % of √(g·e) and of 4.5 % of
+/// √(g/e), e being the body's shortest extent: 27 mm/s and 1 rad/s for 20 mm on earth. Without gravity nothing sleeps.
+///
+/// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
+/// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
+/// inertia of their bounding box; impacts slower than 2·g·h do not bounce, and others bounce up to a third higher than their
+/// restitution says, because the depth reached in the step of the impact is pushed out through the velocity.
+class BulletWorld final : public World {
+ public:
+  static constexpr double kSmallestRadius = 0.05;
+  static constexpr double kMinStepS = 1e-5, kMaxStepS = 1.0;  ///< Steps are clamped to this.
+  /// A stack of ten rests when the step is below this times √(e/g) (measured with 10 iterations; docs/decisions/0005).
+  static constexpr double kRestingStep = 0.025;
+
+  /// Throws rtbus::config::Error for what Bullet cannot do.
+  BulletWorld(const rtbus::config::Scene& scene, const EngineSettings& settings);
+  ~BulletWorld() override;
+
+  std::size_t add_proxy(const ProxyParameters& parameters) override;
+  void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
+  void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
+  void step(double step_s) override;
+  [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
+  [[nodiscard]] std::size_t bodies() const noexcept override { return bodies_.size(); }
+  [[nodiscard]] BodyPose body_pose(std::size_t body) const override;
+  [[nodiscard]] std::size_t awake_bodies() const noexcept override;
+  [[nodiscard]] std::vector<std::string> warnings(double longest_step_s) const override;
+
+ private:
+  struct SceneBody {
+    std::shared_ptr<MadeShape> made;  // shared along a grid
+    std::unique_ptr<btRigidBody> rigid;
+  };
+  void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
+  void set_thresholds(const rtbus::config::Body& body, btRigidBody& rigid) const;
+  [[nodiscard]] std::uint32_t contacts_of(const btRigidBody& body);
+
+  rtbus::config::Deactivation deactivation_;
+  double gravity_m_s2_;
+  double smallest_m_;
+  double scale_;
+  std::string scene_file_;
+
+  // Bullet's parts, in the order in which they need each other.
+  btDefaultCollisionConfiguration configuration_;
+  btCollisionDispatcher dispatcher_{&configuration_};
+  btDbvtBroadphase broadphase_;
+  btSequentialImpulseConstraintSolver solver_;
+  btDiscreteDynamicsWorld world_{&dispatcher_, &broadphase_, &solver_, &configuration_};
+  std::vector<SceneBody> bodies_;
+  std::vector<std::unique_ptr<BulletProxy>> proxies_;
+};
+
+}  // namespace physics::bullet

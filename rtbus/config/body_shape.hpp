@@ -1,0 +1,61 @@
+#pragma once
+/// @file body_shape.hpp
+/// The shapes a scene may give to a body. Plane, sphere and box are exact (rtbus/shapes) and known to every engine and to
+/// the `direct` force law; the others need an engine that is told so by name.
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rtbus/config/document.hpp"
+#include "rtbus/shapes/shapes.hpp"
+
+namespace rtbus::config {
+
+/// Axis along y of the body's frame, origin in the middle.
+struct Capsule {
+  double radius_m = 0.0;
+  double length_m = 0.0;  ///< From end to end, caps included; above 2·radius_m.
+};
+
+/// Axis along y of the body's frame, origin in the middle.
+struct Cylinder {
+  double radius_m = 0.0;
+  double length_m = 0.0;
+};
+
+/// What an OBJ file holds, polygons cut into triangles, lengths already in metres.
+struct TriangleMesh {
+  std::vector<Eigen::Vector3d> vertices_m;
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< Indices into vertices_m, counter-clockwise from outside.
+  std::string file;
+};
+
+/// The convex hull of a file's vertices; its origin is the file's.
+struct ConvexHull {
+  std::shared_ptr<const TriangleMesh> points;
+};
+
+/// A file's triangles as a surface; of static bodies only.
+struct Mesh {
+  std::shared_ptr<const TriangleMesh> surface;
+};
+
+using BodyShape = std::variant<shapes::Plane, shapes::Sphere, shapes::Box, Capsule, Cylinder, ConvexHull, Mesh>;
+
+/// As in YAML: "box", "convex_hull", …
+[[nodiscard]] std::string_view name_of(const BodyShape& shape) noexcept;
+
+/// Reads `shape: {box: {size_m: […]}}` of a body: one key that names the shape, its dimensions below. Throws Error.
+[[nodiscard]] BodyShape read_body_shape(Map& body);
+
+/// Reads vertices and faces of a Wavefront OBJ file and multiplies coordinates by `metres_per_unit`. Everything but `v`
+/// and `f` lines is ignored. Throws Error, which names file and line.
+[[nodiscard]] TriangleMesh read_obj(const std::string& file, double metres_per_unit);
+
+}  // namespace rtbus::config
