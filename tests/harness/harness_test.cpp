@@ -159,6 +159,31 @@ INSTANTIATE_TEST_SUITE_P(Shipped, BulletSession,
                          [](const auto& row) { return std::string(row.param); });
 #endif
 
+#if RTBUS_WITH_BULLET
+// What the hand feels over a second of the push is what the world received in it (Newton's third law), though the two ends
+// of the coupling are two springs in two processes at 1000 and 100 Hz. Along the push; both in the world's frame.
+TEST(Momentum, FeltByTheHandIsGivenToTheWorld) {
+  auto settings = session("stack_125.yaml", {"physics.throttle_hz=100"});
+  Harness harness(settings, {});
+  std::vector<double> felt_n_s(5, 0.0), given_n_s(5, 0.0), spring_n_s(5, 0.0);
+  std::size_t second = 0;
+  harness.observe_steps([&](const rtbus::ProxyState& step) {
+    given_n_s[second] += -step.contact_force_n[2] * step.step_s;
+    spring_n_s[second] += step.coupling_force_n[2] * step.step_s;
+  });
+  // The hand starts at 1.0 s, meets the stack at 1.9 s and rests from 3.1 s on.
+  for (; second < felt_n_s.size(); ++second) {
+    harness.run(1.0, [&](const Telemetry& tick) { felt_n_s[second] += -tick.force_n[2] * 1e-3; });
+    std::printf("second %zu: felt %.4f, given %.4f, spring %.4f N s\n", second, felt_n_s[second], given_n_s[second],
+                spring_n_s[second]);
+  }
+  for (const std::size_t pushed : {2U, 3U, 4U}) {
+    ASSERT_LT(given_n_s[pushed], -0.1) << "it must be a push worth the name";
+    EXPECT_NEAR(felt_n_s[pushed] / given_n_s[pushed], 1.0, 0.05) << pushed;
+  }
+}
+#endif
+
 TEST(Clutch, MovesTheHandWithoutMovingTheToolAndReturnsWithoutAKick) {
   // Button 0 is pressed from 1.0 to 2.0 s while the hand goes on with its sinusoid.
   const std::string device =
