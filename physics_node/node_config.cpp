@@ -68,6 +68,7 @@ ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
     has_stiffness = proxy->has("stiffness_n_per_m");
     if (has_stiffness) config.stiffness_n_per_m = proxy->number("stiffness_n_per_m", {0.1, 1e5});
     if (proxy->has("damping_n_s_per_m")) config.damping_n_s_per_m = proxy->number("damping_n_s_per_m", {0.0, 1e4});
+    config.lead_steps = proxy->number("lead_steps", {0.0, 2.0}, config.lead_steps);
     const std::vector<double> p = proxy->numbers("position_m", 3, {-1000.0, 1000.0}, {0.0, 0.0, 0.0});
     config.position_m = {p[0], p[1], p[2]};
     proxy->finish();

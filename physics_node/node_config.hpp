@@ -49,6 +49,7 @@ struct ProxyConfig {
   double friction = 1.0;                    ///< Multiplied with the body's.
   double stiffness_n_per_m = 0.0;           ///< At the device; default: the entry's coupling.stiffness_n_per_m.
   std::optional<double> damping_n_s_per_m;  ///< At the device; none: kDefaultDampingRatio on the proxy's mass.
+  double lead_steps = 0.0;  ///< The proxy is pulled to where the device will be so many steps later, at its velocity.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP until the device first speaks.
 };
 

@@ -155,6 +155,11 @@ void add_physics(std::string& out, const PhysicsFigures& physics, double duratio
     line(out, "proxy",
          proxy.device + ": in contact " + share(proxy.in_contact, proxy.published) + ", contact force rms " +
              figure(proxy.contact_n.rms()) + ", peak " + figure(proxy.contact_n.peak) + " N");
+    if (proxy.impulse.windows == 0) continue;
+    line(out, "momentum",
+         figure(proxy.impulse.felt_n_s) + " N s felt, " + figure(proxy.impulse.given_n_s) + " N s given to the world in " +
+             std::to_string(proxy.impulse.windows) + " s of contact; a second differs by at most " +
+             figure(100.0 * proxy.impulse.worst) + " %");
   }
   line(out, "process", cost_text(physics.cost, duration_s));
   line(out, "left out", text_of(physics.info.left_out));

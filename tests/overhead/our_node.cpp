@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 
 #include "physics_node/engine_registry.hpp"
@@ -58,7 +59,7 @@ template <class T>
 rtbus::Writer<T> make_topic(const rtbus::Session& session, const std::string& topic) {
   auto writer = rtbus::Writer<T>::create(session, topic, {.capacity = 1024});
   if (!writer) {
-    std::fprintf(stderr, "topic %s: %s\n", topic.c_str(), rtbus::to_string(writer.error()).data());
+    std::fprintf(stderr, "topic %s: %s\n", topic.c_str(), rtbus::to_string(writer.error()));
     std::exit(1);
   }
   return std::move(*writer);
