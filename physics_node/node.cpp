@@ -49,9 +49,9 @@ Node::~Node() { stop(); }
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
   const NodeConfig& settings = node->config_;
-  node->stepper_ = std::make_unique<Stepper>(
-      make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()), settings.proxies,
-      settings.physics.parts_per_step());
+  node->stepper_ =
+      std::make_unique<Stepper>(make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()),
+                                settings.proxies, settings.physics.parts_per_step());
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
@@ -83,8 +83,8 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
   const EngineEntry* engine = find_engine(physics.engine);
-  spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {} at {}{:g} Hz, {} parts per step", physics.engine,
-               config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.clock(),
+  spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {} at {}{:g} Hz, {} parts per step",
+               physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.clock(),
                physics.pace == Pace::kFree ? "not less than " : "", 1.0 / physics.step_s(), physics.parts_per_step());
   spdlog::info("physics: left out: {}", engine->left_out);
   for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
@@ -259,9 +259,10 @@ void Node::beat_thread() noexcept {
     checked_wall_s = stats.wall_s;
     checked_simulated_s = stats.simulated_s;
     if (share > kKeepsUp) return;
-    spdlog::warn("physics: too slow for {:g} Hz: simulated time runs at {:.0f} % of real time (median step so far {:.3g} ms); "
-                 "lower physics.rate_hz or physics.solver_iterations, or make the scene smaller",
-                 stats.rate_hz, 100.0 * share, stats.step_p50_ms);
+    spdlog::warn(
+        "physics: too slow for {:g} Hz: simulated time runs at {:.0f} % of real time (median step so far {:.3g} ms); "
+        "lower physics.rate_hz or physics.solver_iterations, or make the scene smaller",
+        stats.rate_hz, 100.0 * share, stats.step_p50_ms);
     quiet_rounds = kWarnAgainAfter;
   };
 

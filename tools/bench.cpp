@@ -56,7 +56,8 @@ Action add_bench(CLI::App& command) {
   command.add_option("what", options->what, "physics: time of a step awake, pushed and asleep")
       ->required()
       ->check(CLI::IsMember({"physics"}));
-  command.add_option("--session", options->sessions, "Session, by name or file; as often as needed")->capture_default_str();
+  command.add_option("--session", options->sessions, "Session, by name or file; as often as needed")
+      ->capture_default_str();
   command.add_flag("--quick", options->quick, "300 steps per state instead of 1000");
   command.add_option("--set", options->assignments, "Change a key of each session: --set physics.solver_iterations=20")
       ->take_all();

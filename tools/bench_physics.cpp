@@ -16,9 +16,9 @@ namespace tools {
 
 namespace {
 
-constexpr double kSettle_s = 0.1;        // contacts are made, nothing sleeps yet
-constexpr double kPatience_s = 20.0;     // simulated, until all sleep
-constexpr double kStroke_m = 0.06;       // of the hand
+constexpr double kSettle_s = 0.1;     // contacts are made, nothing sleeps yet
+constexpr double kPatience_s = 20.0;  // simulated, until all sleep
+constexpr double kStroke_m = 0.06;    // of the hand
 constexpr double kAsleepRatio = 5.0;
 
 double thread_cpu_ms() {
@@ -103,14 +103,13 @@ class Bench {
 }  // namespace
 
 void bench_physics(const BenchPhysicsOptions& options, Experiment& experiment) {
-  Table table{"step_time",
-              {"session", "state", "period [ms]", "p50 [ms]", "p99 [ms]", "awake bodies", "contact points"},
-              {}};
+  Table table{
+      "step_time", {"session", "state", "period [ms]", "p50 [ms]", "p99 [ms]", "awake bodies", "contact points"}, {}};
   for (const std::string& file : options.session_files) {
     const std::string name = std::filesystem::path(file).stem().string();
     const auto add = [&](const char* state, double period_ms, const Cost& cost) {
-      table.rows.push_back({name, std::string(state), period_ms, cost.p50_ms, cost.p99_ms, double(cost.awake),
-                            double(cost.contacts)});
+      table.rows.push_back(
+          {name, std::string(state), period_ms, cost.p50_ms, cost.p99_ms, double(cost.awake), double(cost.contacts)});
     };
     Bench restless(file, options.assignments, false);
     const double period_ms = restless.physics().step_s() * 1e3;

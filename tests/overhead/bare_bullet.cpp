@@ -55,8 +55,7 @@ struct Bare {
       for (int j = 0; j < size.high; ++j) {
         for (int k = 0; k < size.deep; ++k) {
           const btVector3 at(btScalar(i * pitch_m), btScalar((j + 0.5) * overhead::kEdge_m), btScalar(-k * pitch_m));
-          btRigidBody& cube =
-              add(box, overhead::kMass_kg, at * btScalar(kScale), overhead::kFriction, 2, 1 | 2 | 4);
+          btRigidBody& cube = add(box, overhead::kMass_kg, at * btScalar(kScale), overhead::kFriction, 2, 1 | 2 | 4);
           cube.setSleepingThresholds(btScalar(0.06 * std::sqrt(9.81 * overhead::kEdge_m) * kScale),
                                      btScalar(0.045 * std::sqrt(9.81 / overhead::kEdge_m)));
         }
@@ -82,7 +81,8 @@ struct Bare {
 
   /// The spring in its plainest form: its force, set from outside.
   void step() {
-    proxy->applyCentralForce((target() - proxy->getWorldTransform().getOrigin()) * btScalar(overhead::kStiffness_n_per_m) -
+    proxy->applyCentralForce((target() - proxy->getWorldTransform().getOrigin()) *
+                                 btScalar(overhead::kStiffness_n_per_m) -
                              proxy->getLinearVelocity() * btScalar(overhead::kDamping_n_s_per_m));
     world.stepSimulation(btScalar(overhead::kStep_s), 0);
   }

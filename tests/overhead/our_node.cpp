@@ -1,5 +1,5 @@
-/// The same stack through this project as the physics node steps it: module, Stepper, device state from the bus, answer to
-/// the bus. Threads and clocks are left out: they wait.
+/// The same stack through this project as the physics node steps it: module, Stepper, device state from the bus, answer
+/// to the bus. Threads and clocks are left out: they wait.
 #include <unistd.h>
 
 #include <cstdio>
@@ -88,7 +88,9 @@ int main(int argc, char** argv) {
   auto device = rtbus::Reader<rtbus::DeviceState>::open(session, "haptic0.device_state");
   if (!device) return 1;
   Ours ours{{physics::make_world("bullet", scene_of(size), {.solver_iterations = overhead::kIterations}), {proxy}, 1},
-            std::move(hand), std::move(*device), std::move(answers)};
+            std::move(hand),
+            std::move(*device),
+            std::move(answers)};
 
   rtbus::DeviceState state;
   state.target_position_m = {0, overhead::kProxyHeight_m, overhead::kProxyDistance_m};

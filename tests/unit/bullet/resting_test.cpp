@@ -36,7 +36,8 @@ TEST_P(RestingStack, StandsWhereItWasBuiltAndFallsAsleep) {
   run(*world, 10.0, stack.h);
   const Rest rest = tests::look_at(*world, scene, stack.high, stack.deep, stack.edge_m);
   std::printf("%s: height error %.3g mm, creep %.3g mm, mean penetration %.3g %% of the edge, awake %zu\n", stack.name,
-              rest.height_error_m * 1e3, rest.creep_m * 1e3, 100.0 * rest.mean_penetration_m / stack.edge_m, rest.awake);
+              rest.height_error_m * 1e3, rest.creep_m * 1e3, 100.0 * rest.mean_penetration_m / stack.edge_m,
+              rest.awake);
   EXPECT_LE(rest.height_error_m, 0.05 * stack.edge_m);  // 1 mm of 20
   EXPECT_LE(rest.creep_m, 0.1 * stack.edge_m);
   EXPECT_LT(rest.mean_penetration_m, 0.01 * stack.edge_m);
@@ -63,8 +64,8 @@ TEST(Resting, StandsForSecondsWithoutSleepingToo) {
   EXPECT_LT(rest.mean_penetration_m, 0.01 * 0.02);
 }
 
-// What a step costs goes with the bodies that move and the contacts that are solved: both are counted, not timed (`rtbus
-// bench physics` times them).
+// What a step costs goes with the bodies that move and the contacts that are solved: both are counted, not timed
+// (`rtbus bench physics` times them).
 TEST(Resting, HasNothingLeftToSolveOnceAsleep) {
   for (const auto& [wide, high] : {std::pair{5, 5}, {10, 5}, {10, 10}}) {
     const auto scene = tests::stack_scene(wide, high, 5, 0.02, 1e-4);
@@ -128,8 +129,9 @@ TEST_P(RestingHeap, ComesToRestAndFallsAsleep) {
     moved_m = std::max(moved_m, (at - then[i]).norm());
   }
   const double overlap = deepest_overlap(*world, scene);
-  std::printf("%s: lowest centre %.4g mm, deepest overlap of spheres %.3g %%, moved %.3g mm in the last 2 s, awake %zu\n",
-              heap.scene, lowest_m * 1e3, 100.0 * overlap, moved_m * 1e3, world->awake_bodies());
+  std::printf(
+      "%s: lowest centre %.4g mm, deepest overlap of spheres %.3g %%, moved %.3g mm in the last 2 s, awake %zu\n",
+      heap.scene, lowest_m * 1e3, 100.0 * overlap, moved_m * 1e3, world->awake_bodies());
   EXPECT_GE(lowest_m, heap.lowest_m);
   EXPECT_LE(overlap, 0.02);
   EXPECT_LE(moved_m, 1e-5);
@@ -139,8 +141,7 @@ TEST_P(RestingHeap, ComesToRestAndFallsAsleep) {
 
 // Steps as in the sessions of these scenes. The smallest half extents are 1 mm (a bead) and 5 mm (the die).
 INSTANTIATE_TEST_SUITE_P(Scenes, RestingHeap,
-                         testing::Values(Heap{"beads_mm", 1e-3 / 3.0, 0.98e-3},
-                                         Heap{"mixed_sizes", 0.5e-3, 4.95e-3}),
+                         testing::Values(Heap{"beads_mm", 1e-3 / 3.0, 0.98e-3}, Heap{"mixed_sizes", 0.5e-3, 4.95e-3}),
                          [](const auto& row) { return std::string(row.param.scene); });
 
 TEST(Resting, StaysAsleepWhenBuiltSo) {
