@@ -169,8 +169,9 @@ struct Push {
   std::array<double, 5> felt_n_s{}, given_n_s{}, way_m{};
 };
 
-/// The hand starts at 1.0 s, meets the stack at 1.9 s and stops at 3.0 s.
-Push push(const std::vector<std::string>& assignments) {
+/// The hand starts at 1.0 s, meets the stack at about 2.7 s and stops at 5.0 s.
+Push push(std::vector<std::string> assignments) {
+  assignments.emplace_back("haptic.0.device.hand.speed_m_s=0.015");
   auto settings = session("stack_125.yaml", assignments);
   Harness harness(settings, {});
   Push out;
@@ -193,8 +194,8 @@ TEST(Momentum, FeltByTheHandIsGivenToTheWorld) {
   for (const auto& [pace, lead] : {std::pair{"physics.rate_hz=100", "0.5"}, {"physics.throttle_hz=100", "1.5"}}) {
     const Push with = push({pace, "physics.substeps=" + std::string(lead == std::string("0.5") ? "10" : "1"),
                             "haptic.0.proxy.lead_steps=" + std::string(lead)});
-    for (const std::size_t pushed : {2U, 3U}) {
-      EXPECT_GT(std::abs(with.given_n_s[pushed]), 0.05) << "it must be a push worth the name";
+    for (const std::size_t pushed : {3U, 4U}) {
+      EXPECT_GT(std::abs(with.given_n_s[pushed]), 0.1) << "it must be a push worth the name";
       EXPECT_NEAR(with.felt_n_s[pushed] / with.given_n_s[pushed], 1.0, 0.05) << pace << ", second " << pushed;
     }
   }
@@ -203,8 +204,9 @@ TEST(Momentum, FeltByTheHandIsGivenToTheWorld) {
 // Without a lead the hand feels K·v·age more, age being what a throttled proxy has on the mean: 15 ms.
 TEST(Momentum, MissesTheAgeOfTheProxyWithoutALead) {
   const Push plain = push({"physics.throttle_hz=100"});
-  const double drag_n_s = 300.0 * plain.way_m[2] * 0.015;
-  EXPECT_NEAR(plain.felt_n_s[2] - plain.given_n_s[2], -drag_n_s, 0.15 * drag_n_s);
+  const double drag_n_s = 300.0 * plain.way_m[3] * 0.015;
+  EXPECT_GT(drag_n_s, 0.04);
+  EXPECT_NEAR(plain.felt_n_s[3] - plain.given_n_s[3], -drag_n_s, 0.2 * drag_n_s);
 }
 #endif
 
