@@ -145,7 +145,12 @@ Json physics_json(const PhysicsFigures& physics, double duration_s) {
          {"published", proxy.published},
          {"in_contact", proxy.in_contact},
          {"coupling_force_n", {{"rms", number(proxy.coupling_n.rms())}, {"peak", number(proxy.coupling_n.peak)}}},
-         {"contact_force_n", {{"rms", number(proxy.contact_n.rms())}, {"peak", number(proxy.contact_n.peak)}}}});
+         {"contact_force_n", {{"rms", number(proxy.contact_n.rms())}, {"peak", number(proxy.contact_n.peak)}}},
+         {"impulse_n_s",
+          {{"seconds_compared", proxy.impulse.windows},
+           {"felt", number(proxy.impulse.felt_n_s)},
+           {"given", number(proxy.impulse.given_n_s)},
+           {"worst_second", proxy.impulse.windows > 0 ? number(proxy.impulse.worst) : Json(nullptr)}}}});
   }
   // The node's cost was measured while all ran, its simulated time since it started: bring both to the same seconds.
   const double simulated_per_s = s.steps > 0 ? s.achieved_hz * s.simulated_s / static_cast<double>(s.steps) : 0.0;
@@ -154,8 +159,10 @@ Json physics_json(const PhysicsFigures& physics, double duration_s) {
           {"rate_hz", number(s.rate_hz)},
           {"achieved_hz", number(s.achieved_hz)},
           {"steps", s.steps},
+          {"steps_due", s.due},
           {"late", s.late},
           {"simulated_s", number(s.simulated_s)},
+          {"real_time_factor", number(s.wall_s > 0.0 ? s.simulated_s / s.wall_s : 0.0)},
           {"step_ms", {{"p50", number(s.step_p50_ms)}, {"p99", number(s.step_p99_ms)}, {"max", number(s.step_max_ms)}}},
           {"bodies", s.bodies},
           {"proxies", proxies},

@@ -10,6 +10,7 @@
 
 #include "rtbus/messages.hpp"
 #include "tools/ask_kernel.hpp"
+#include "tools/impulse_balance.hpp"
 #include "tools/live_error.hpp"
 
 namespace tools {
@@ -56,6 +57,7 @@ struct ProxyFigures {
   std::uint64_t published = 0;
   std::uint64_t in_contact = 0;   ///< Steps with at least one contact.
   RmsPeak coupling_n, contact_n;  ///< On the proxy, in W.
+  ImpulseBalance::Figures impulse{};
 };
 
 struct PhysicsFigures {

@@ -13,6 +13,8 @@ namespace {
 
 double norm(const rtbus::Vec3& v) { return std::hypot(v[0], v[1], v[2]); }
 
+Eigen::Vector3d vector_of(const rtbus::Vec3& v) { return {v[0], v[1], v[2]}; }
+
 /// Opens `topic` if that has not been done; true when it is open.
 template <rtbus::Sample T>
 bool open_once(std::optional<rtbus::Reader<T>>& reader, const rtbus::Session& session, const std::string& topic,
@@ -26,7 +28,7 @@ bool open_once(std::optional<rtbus::Reader<T>>& reader, const rtbus::Session& se
 }  // namespace
 
 HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::HapticConfig& config)
-    : session_(session), config_(config) {
+    : session_(session), config_(config), mapping_(config.mapping) {
   const haptic::RendererEntry* const law = haptic::find_renderer(config.method);
   if (law == nullptr || !law->needs_physics) return;
   const auto make_law = [&](const haptic::Mapping& mapping) {
@@ -51,6 +53,7 @@ void HapticObserver::take(const rtbus::Telemetry& tick) {
   generated_peak_j_ = std::max(generated_peak_j_, -tick.energy_absorbed_j);
   ledger_min_j_ = observed_ticks_ == 1 ? tick.energy_ledger_j : std::min(ledger_min_j_, tick.energy_ledger_j);
   if (error_) error_->add_tick(tick);
+  impulse_.add_felt(tick.due_ns, vector_of(tick.force_n), static_cast<double>(config_.period_ns()) * 1e-9);
   motion_.add({rtbus::seconds_between(first_due_ns_, tick.due_ns), tick.position_m, tick.proxy_position_m, tick.force_n,
                tick.rendered_force_n, static_cast<double>(tick.proxy_age_ns) * 1e-6});
 }
@@ -60,6 +63,7 @@ void HapticObserver::take(const rtbus::ProxyState& proxy) {
   coupling_n_.add(norm(proxy.coupling_force_n));
   contact_n_.add(norm(proxy.contact_force_n));
   if (error_) error_->add_proxy(proxy);
+  impulse_.add_given(proxy.device_time_ns, mapping_.force_to_device(vector_of(proxy.contact_force_n)), proxy.step_s);
 }
 
 void HapticObserver::drain() {
@@ -92,7 +96,7 @@ HapticFigures HapticObserver::figures() const {
 }
 
 ProxyFigures HapticObserver::proxy_figures() const {
-  return {config_.name, coupling_n_.count, contact_steps_, coupling_n_, contact_n_};
+  return {config_.name, coupling_n_.count, contact_steps_, coupling_n_, contact_n_, impulse_.figures()};
 }
 
 bool PhysicsObserver::attach() {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "haptic_node/mapping.hpp"
 #include "haptic_node/node_config.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/messages.hpp"
@@ -85,6 +86,8 @@ class HapticObserver {
   double ledger_min_j_ = 0.0;
   std::uint64_t contact_steps_ = 0;
   RmsPeak coupling_n_, contact_n_;
+  haptic::Mapping mapping_;  ///< Of forces: rotation and scale, which nothing shifts.
+  ImpulseBalance impulse_;
   Trace<MotionRow> motion_;
   Trace<StepRow> steps_;
   std::unique_ptr<rtbus::Histogram> wakeup_ns_ = std::make_unique<rtbus::Histogram>();
