@@ -38,8 +38,8 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   auto device = config.device->open({.session = settings.session, .node_name = config.name});
   ASSERT_TRUE(device) << device.error().message;
 
-  auto device_state = rtbus::Writer<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
-  auto telemetry = rtbus::Writer<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
+  auto device_state = rtbus::Publication<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
+  auto telemetry = rtbus::Publication<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
   ASSERT_TRUE(device_state && telemetry);
   haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", settings.physics.has_value());
   haptic::Loop loop(config, **device, link, true);
