@@ -1,4 +1,5 @@
 // `rtbus doctor`: is this machine fit for a force every millisecond, and if not, what to do.
+#include <pwd.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -39,6 +40,8 @@ DoctorFacts gather(const DoctorOptions& options) {
   facts.machine = ask_machine();
   facts.limits = ask_limits();
   facts.shm = ask_mount("/dev/shm");
+  const passwd* const user = ::getpwuid(::geteuid());
+  facts.logind = ask_logind(::geteuid(), user != nullptr ? user->pw_name : "");
   facts.clock_ns = measure_clock_ns();
   facts.topics = rtbus::list_topics();
   const bool terminal = ::isatty(STDERR_FILENO) == 1;

@@ -195,6 +195,29 @@ Check check_wakeup(const DoctorFacts& facts) {
   return check;
 }
 
+Check check_remove_ipc(const DoctorFacts& facts) {
+  const LogindFacts& logind = facts.logind;
+  Check check{"remove_ipc", Health::kOk, "topics at log-out", "", ""};
+  if (!logind.running) {
+    check.measured = "kept: no systemd-logind here";
+  } else if (!logind.remove_ipc) {
+    check.measured = "kept: RemoveIPC=no in " + logind.set_in;
+  } else if (logind.system_user) {
+    check.measured = "kept: systemd-logind spares root and system users";
+  } else if (logind.lingers) {
+    check.measured = "kept: this user lingers";
+  } else {
+    check.health = Health::kWarn;
+    check.measured = std::string("deleted by systemd-logind when this user's last session ends (RemoveIPC=yes, ") +
+                     (logind.set_in.empty() ? "the default" : logind.set_in) +
+                     "); nodes that run on make them anew, with a gap for those who attach meanwhile";
+    check.remedy =
+        "loginctl enable-linger, or as root: mkdir -p /etc/systemd/logind.conf.d && printf '[Login]\\nRemoveIPC=no\\n' "
+        "> /etc/systemd/logind.conf.d/rtbus.conf && systemctl restart systemd-logind";
+  }
+  return check;
+}
+
 Check check_stale(const DoctorFacts& facts) {
   Check check{"stale_segments", Health::kOk, "left-over segments", "none", ""};
   std::size_t dead = 0;
@@ -217,7 +240,7 @@ std::vector<Check> judge(const DoctorFacts& facts) {
   return {check_fifo(facts),        check_rtprio(facts),     check_memlock(facts),  check_mlockall(facts),
           check_dma_latency(facts), check_throttling(facts), check_governor(facts), check_preemption(facts),
           check_cores(facts),       check_isolation(facts),  check_clock(facts),    check_shm(facts),
-          check_virtual(facts),     check_stale(facts),      check_wakeup(facts)};
+          check_virtual(facts),     check_remove_ipc(facts), check_stale(facts),    check_wakeup(facts)};
 }
 
 const char* to_string(Health health) noexcept {

@@ -9,6 +9,7 @@
 
 #include "rtbus/topic_directory.hpp"
 #include "tools/ask_kernel.hpp"
+#include "tools/ask_logind.hpp"
 #include "tools/wakeup_probe.hpp"
 
 namespace tools {
@@ -32,7 +33,8 @@ struct DoctorFacts {
   MachineFacts machine;
   RealtimeLimits limits;
   std::optional<MountFacts> shm;  ///< /dev/shm.
-  double clock_ns = 0.0;          ///< measure_clock_ns().
+  LogindFacts logind;
+  double clock_ns = 0.0;  ///< measure_clock_ns().
   WakeupFigures wakeup;
   std::vector<rtbus::TopicInfo> topics;  ///< list_topics().
 };

@@ -26,7 +26,7 @@ class RestartPolicy {
   struct Verdict {
     bool restart = false;
     double delay_s = 0.0;
-    std::string why_not;  ///< When it is not restarted: the rest of a sentence that begins with how it ended.
+    std::string why_not{};  ///< When it is not restarted: the rest of a sentence that begins with how it ended.
   };
   /// The node has ended. Times are CLOCK_MONOTONIC.
   [[nodiscard]] Verdict on_end(int wait_status, std::uint64_t started_ns, std::uint64_t ended_ns);

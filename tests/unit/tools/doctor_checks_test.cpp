@@ -49,6 +49,24 @@ TEST(Doctor, FindsNothingOnAPerfectMachine) {
   }
 }
 
+TEST(Doctor, WarnsOfTopicsThatVanishAtLogOut) {
+  auto facts = perfect();
+  facts.logind.running = true;
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kWarn);
+  EXPECT_THAT(check_of(facts, "remove_ipc").measured, HasSubstr("RemoveIPC=yes, the default"));
+  EXPECT_THAT(check_of(facts, "remove_ipc").remedy, HasSubstr("enable-linger"));
+  EXPECT_TRUE(tools::healthy(tools::judge(facts))) << "a warning, not a failure";
+  facts.logind.system_user = true;
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kOk);
+  facts.logind.system_user = false;
+  facts.logind.lingers = true;
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kOk);
+  facts.logind.lingers = false;
+  facts.logind.remove_ipc = false;
+  facts.logind.set_in = "/etc/systemd/logind.conf";
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kOk);
+}
+
 TEST(Doctor, FailsWithoutSchedFifoAndSaysHowToGetIt) {
   auto facts = perfect();
   facts.wakeup.grant.fifo = false;
