@@ -308,10 +308,13 @@ void judge_trace(std::uint64_t ended_ns, FaultOutcome& out) {
     if (elapsed_ms >= 1.0 && out.peak_n > 0.0) {
       out.growth_per_ms = std::max(out.growth_per_ms, (felt.force_n - before.force_n) / out.peak_n / elapsed_ms);
     }
-    const bool after_zero = out.zero_ms < 0.0 || ms_since(out.fault_ns, felt.time_ns) > out.zero_ms;
-    if (out.back_ms < 0.0 && felt.time_ns > ended_ns && after_zero && felt.force_n >= 0.5 * out.peak_n) {
-      out.back_ms = ms_since(ended_ns, felt.time_ns);
-    }
+  }
+  // Back is what comes after the zero, when there was one.
+  for (const Felt& felt : out.trace) {
+    if (felt.time_ns <= ended_ns || felt.force_n < 0.5 * out.peak_n) continue;
+    if (out.zero_ms >= 0.0 && rtbus::seconds_between(out.fault_ns, felt.time_ns) * 1e3 <= out.zero_ms) continue;
+    out.back_ms = ms_since(ended_ns, felt.time_ns);
+    break;
   }
 }
 

@@ -19,7 +19,8 @@ namespace {
 /// A run in which the machine itself paused for longer says nothing about us; it is counted, not judged.
 constexpr double kMachinePause_ms = 5.0;
 constexpr int kTriesPerRun = 3;
-/// The resume ramp takes 100 ms, so 1 %/ms; the rest is room for a cycle that comes late by such a pause.
+/// The resume ramp takes 100 ms, so 1 %/ms; the damper on a moving hand adds some, and a cycle that comes late by such a
+/// pause catches up what the ramp did meanwhile. A step would be near 100 %/ms.
 constexpr double kFastestGrowth_percent_per_ms = 10.0;
 
 bool ends_in_zero(Fault fault) { return fault != Fault::kTopicsDeleted; }

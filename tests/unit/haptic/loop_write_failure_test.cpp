@@ -123,6 +123,6 @@ TEST_P(WriteFailure, OfASingleWriteBeginsAnewToo) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Answers, WriteFailure, testing::Values(drivers::IoStatus::kLost, drivers::IoStatus::kTimeout),
-                         [](const auto& info) { return info.param == drivers::IoStatus::kLost ? "Lost" : "Timeout"; });
+                         [](const auto& each) { return each.param == drivers::IoStatus::kLost ? "Lost" : "Timeout"; });
 
 }  // namespace
