@@ -12,9 +12,9 @@
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/pacer.hpp"
+#include "rtbus/publication.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/subscription.hpp"
-#include "rtbus/topic.hpp"
 
 namespace physics {
 namespace {
@@ -35,11 +35,26 @@ void set_text(rtbus::Text<N>& out, std::string_view text) {
 
 /// The node's ends of its topics.
 struct Node::Topics {
-  rtbus::Writer<rtbus::Heartbeat> heartbeat;
-  rtbus::Writer<rtbus::StepStats> step_stats;
-  rtbus::Writer<rtbus::NodeInfo> node_info;
-  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;                             // one per haptic node
+  rtbus::Publication<rtbus::Heartbeat> heartbeat;
+  rtbus::Publication<rtbus::StepStats> step_stats;
+  rtbus::Publication<rtbus::NodeInfo> node_info;
+  std::vector<rtbus::Publication<rtbus::ProxyState>> proxy_states;                        // one per haptic node
   std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
+
+  /// Finds the haptic nodes, and makes anew what somebody has deleted.
+  void maintain() noexcept {
+    heartbeat.maintain();
+    for (auto& proxy : proxy_states) proxy.maintain();
+    for (const auto& subscription : device_states) subscription->maintain();
+    step_stats.maintain();
+    node_info.maintain();
+  }
+  /// How often that was needed, and whether it fails.
+  [[nodiscard]] rtbus::RenewalCount renewals() const noexcept {
+    rtbus::RenewalCount count = rtbus::count_renewals(heartbeat, step_stats, node_info);
+    for (const auto& proxy : proxy_states) count += rtbus::count_renewals(proxy);
+    return count;
+  }
 };
 
 Node::Node(NodeConfig config) : config_(std::move(config)), heard_ns_(config_.proxies.size(), 0) {}
@@ -55,13 +70,13 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
-    auto writer = rtbus::Writer<T>::create(settings.session, topic, {.capacity = capacity});
+    auto writer = rtbus::Publication<T>::create(settings.session, topic, {.capacity = capacity});
     if (!writer && failed.empty()) {
       failed = "session " + settings.session.name + ": topic " + topic + ": " + rtbus::to_string(writer.error());
     }
     return writer;
   };
-  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;
+  std::vector<rtbus::Publication<rtbus::ProxyState>> proxy_states;
   for (const ProxyConfig& proxy : settings.proxies) {
     auto writer = create(std::type_identity<rtbus::ProxyState>{}, "physics.proxy_state." + proxy.device, 1024);
     if (writer) proxy_states.push_back(std::move(*writer));
@@ -267,13 +282,14 @@ void Node::beat_thread() noexcept {
   };
 
   std::uint64_t warned_ignored = 0;
+  rtbus::RenewalCount told;
   std::uint64_t due_ns = rtbus::monotonic_ns();
   for (int round = 0; !stop_beats_.load(std::memory_order_acquire); ++round) {
     const bool stepped = steps_.load(std::memory_order_relaxed) > 0;
     publish_beat(stop_steps_.load(std::memory_order_relaxed) ? rtbus::NodeState::kStopping
                  : stepped                                   ? rtbus::NodeState::kRunning
                                                              : rtbus::NodeState::kStarting);
-    for (const auto& subscription : topics_->device_states) subscription->maintain();
+    topics_->maintain();
     if (round % kStatsEvery == 0) {
       publish_stats(false);
       warn_when_slow();
@@ -285,6 +301,10 @@ void Node::beat_thread() noexcept {
         spdlog::warn("physics: {} device states ignored so far: a value was not finite, or a scale not above 0",
                      ignored);
         warned_ignored = ignored;
+      }
+      if (const rtbus::RenewalCount renewals = topics_->renewals(); renewals != told) {
+        spdlog::warn("physics: {}", renewals.text());
+        told = renewals;
       }
     }
     due_ns = std::max(due_ns + kBeatPeriodNs, rtbus::monotonic_ns());

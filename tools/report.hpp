@@ -67,6 +67,17 @@ struct PhysicsFigures {
   ProcessCost cost;
 };
 
+/// A node that crashed and was started again.
+struct RestartFigures {
+  std::string node;
+  std::string how;            ///< "was killed by signal 11 (Segmentation fault)"
+  std::optional<int> status;  ///< Its exit status, or …
+  std::optional<int> signal;  ///< … the signal that killed it.
+  double at_s = 0.0;          ///< Since all nodes ran first.
+  double lived_s = 0.0;
+  double delay_s = 0.0;  ///< From its end to the new start.
+};
+
 struct TopicFigures {
   std::string name, type;
   std::uint32_t sample_bytes = 0;
@@ -83,6 +94,7 @@ struct RunReport {
   double wall_s = 0.0;      ///< With start and end.
   std::string ended;        ///< "duration", "interrupt" or "failure".
   std::vector<std::string> faults;
+  std::vector<RestartFigures> restarts;
   MachineFacts machine;
   std::vector<HapticFigures> haptic;
   std::optional<BareLoopFigures> bare_loop;

@@ -178,6 +178,10 @@ std::string to_text(const RunReport& report) {
   if (report.physics) add_physics(out, *report.physics, report.duration_s);
   out += "\nbus: " + std::to_string(report.topics.size()) + " topics, " + human_bytes(report.shm_bytes) +
          " of shared memory\n";
+  for (const RestartFigures& restart : report.restarts) {
+    out += "restarted: " + restart.node + " " + restart.how + " at " + fixed(restart.at_s, 2) + " s, started again " +
+           fixed(restart.delay_s, 2) + " s later; its counters are those since then\n";
+  }
   for (const std::string& fault : report.faults) out += "FAULT: " + fault + '\n';
   return out;
 }
