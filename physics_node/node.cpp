@@ -47,9 +47,9 @@ Node::~Node() { stop(); }
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
   const NodeConfig& settings = node->config_;
-  node->stepper_ = std::make_unique<Stepper>(
-      make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()), settings.proxies,
-      settings.physics.parts_per_step());
+  node->stepper_ =
+      std::make_unique<Stepper>(make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()),
+                                settings.proxies, settings.physics.parts_per_step());
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
@@ -67,6 +67,16 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "physics.heartbeat", 16);
   auto step_stats = create(std::type_identity<rtbus::StepStats>{}, "physics.step_stats", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
+  const auto& bodies = settings.scene.bodies;
+  if (std::any_of(bodies.begin(), bodies.end(),
+                  [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; })) {
+    auto poses = PosePublisher::create(settings.session, node->stepper_->world().bodies());
+    if (poses) {
+      node->poses_ = std::move(*poses);
+    } else if (failed.empty()) {
+      failed = "session " + settings.session.name + ": topic physics.body_poses: " + rtbus::to_string(poses.error());
+    }
+  }
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
   node->topics_ = std::make_unique<Topics>(
@@ -80,7 +90,6 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
-  const EngineEntry* engine = find_engine(physics.engine);
   if (physics.throttle_hz) {
     spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step",
                  physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
@@ -90,7 +99,7 @@ void Node::start() {
                  config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.rate_hz,
                  physics.parts_per_step());
   }
-  spdlog::info("physics: left out: {}", engine->left_out);
+  spdlog::info("physics: left out: {}", left_out());
   for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
     spdlog::warn("physics: {}", warning);
   }
@@ -116,6 +125,16 @@ bool Node::sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept {
     rtbus::sleep_until(std::min(deadline_ns, now_ns + kLongestNapNs));
   }
   return false;
+}
+
+std::string Node::left_out() const {
+  std::string text(find_engine(config_.physics.engine)->left_out);
+  if (!poses_) {
+    text += ", body poses";
+  } else if (!poses_->observed()) {
+    text += ", body poses while nobody looks";
+  }
+  return text;
 }
 
 void Node::read_devices() noexcept {
@@ -160,6 +179,8 @@ void Node::step_thread() noexcept {
     const bool late = pacer.advance(ended_ns) > 0;
     if (throttled && !late && !sleep_unless_stopped(pacer.due_ns())) break;
     publish_answers(ended_ns - began_ns);
+    // After the answers have left: the hand does not wait for pictures.
+    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
 
     step_time_ns_.record(ended_ns - began_ns);
     steps_.fetch_add(1, std::memory_order_relaxed);
@@ -179,7 +200,6 @@ void Node::beat_thread() noexcept {
   set_text(info.clock, physics.throttle_hz ? "throttled" : "fixed");
   set_text(info.scheduling, "SCHED_OTHER");
   set_text(info.realtime, "none asked for");
-  set_text(info.left_out, find_engine(physics.engine)->left_out);
   info.rate_hz = 1.0 / physics.step_s();
   info.core = 0xffffffff;
   info.bodies = static_cast<std::uint32_t>(stepper_->world().bodies());
@@ -225,8 +245,10 @@ void Node::beat_thread() noexcept {
                  : stepped                                   ? rtbus::NodeState::kRunning
                                                              : rtbus::NodeState::kStarting);
     for (const auto& subscription : topics_->device_states) subscription->maintain();
+    if (poses_) poses_->look();
     if (round % kStatsEvery == 0) publish_stats(false);
     if (round % kInfoEvery == 0) {
+      set_text(info.left_out, left_out());
       topics_->node_info.publish(info, rtbus::monotonic_ns());
       const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
       if (ignored > warned_ignored) {

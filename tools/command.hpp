@@ -22,5 +22,6 @@ Action add_top(CLI::App& command);
 Action add_clean(CLI::App& command);
 Action add_doctor(CLI::App& command);
 Action add_evaluate(CLI::App& command);
+Action add_still(CLI::App& command);
 
 }  // namespace tools
