@@ -6,6 +6,7 @@
 #include "rtbus/config/document.hpp"
 #include "tools/command.hpp"
 #include "tools/experiments/drop.hpp"
+#include "tools/experiments/overhead.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -35,6 +36,16 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
   try {
     Experiment experiment("evaluate", options.experiment, command_line,
                           std::filesystem::path(options.out) / options.experiment);
+    if (options.experiment == "overhead") {
+      if (!options.config.empty() || !options.assignments.empty()) {
+        throw rtbus::config::Error(
+            "evaluate overhead compares sessions of its own: it takes neither --config nor --set");
+      }
+      OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
+      if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
+      evaluate_overhead(overhead, experiment);
+      return experiment.finish(options.json);
+    }
     DropOptions drop;
     drop.session_file = options.config.empty() ? find_session("drop.yaml") : options.config;
     drop.assignments = options.assignments;
@@ -54,9 +65,11 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
 
 Action add_evaluate(CLI::App& command) {
   auto options = std::make_shared<EvaluateOptions>();
-  command.add_option("experiment", options->experiment, "drop: free fall onto a wall (paper, Fig. 8)")
+  command
+      .add_option("experiment", options->experiment,
+                  "drop: free fall onto a wall (paper, Fig. 8); overhead: what each optional part costs")
       ->required()
-      ->check(CLI::IsMember({"drop"}));
+      ->check(CLI::IsMember({"drop", "overhead"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,

@@ -100,7 +100,7 @@ Figure overlay(const rtbus::config::Scene& scene, const StillFrame& frame, const
   over.label(40.0, height - 34.0, scene.name + ", " + frame.moment, 22, kDark);
   const auto moving = std::count_if(scene.bodies.begin(), scene.bodies.end(),
                                     [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; });
-  std::string second = moving > 0 ? std::to_string(moving) + (moving == 1 ? " body moves" : " bodies move")
+  std::string second = moving > 0 ? std::to_string(moving) + (moving == 1 ? " body" : " bodies") + " free to move"
                                   : std::to_string(scene.bodies.size()) + " fixed bodies";
   if (moving == 0 && scene.bodies.size() == 1) second = "1 fixed body";
   for (const StillHand& hand : frame.hands) {

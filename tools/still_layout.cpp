@@ -101,7 +101,7 @@ StillLayout lay_out(const rtbus::config::Scene& scene, std::span<const StillFram
   }
   layout.radius_m = radius_m;
   // The longest arrow is between a quarter and five eighths of what the picture shows.
-  if (force_n > 1e-3) layout.n_per_cm = round_up_nicely(force_n / (62.0 * radius_m));
+  if (force_n > 0.1) layout.n_per_cm = round_up_nicely(force_n / (62.0 * radius_m));
   layout.grid_m = round_up_nicely(radius_m / 12.0);
   std::sort(moved_m.begin(), moved_m.end());
   const double far_m = moved_m.empty() ? 0.0 : moved_m[moved_m.size() * 99 / 100];

@@ -200,7 +200,8 @@ std::string pov_text(const rtbus::config::Scene& scene, const StillFrame& frame,
     if (fresh) text += "#declare " + known->second + " = " + known->first + "\n";
     bodies += "object { " + known->second + "\n";
     if (std::holds_alternative<rtbus::shapes::Plane>(body.shape)) {
-      bodies += grid_texture(scale * layout.grid_m);
+      // A hair lower, so that what ends in the plane does not flicker with it.
+      bodies += "  translate -0.004*y\n" + grid_texture(scale * layout.grid_m);
     } else if (body.type == rtbus::config::BodyType::kStatic) {
       bodies += "  texture { pigment { srgb <0.66,0.69,0.73> } finish { Body } }\n";
     } else {
