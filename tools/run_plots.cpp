@@ -197,8 +197,7 @@ template <class Row>
 void write_rate(std::ofstream& tsv, std::span<const Row> rows, std::uint64_t per_row) {
   constexpr double kWindow_s = 0.25;
   std::size_t i = 0;
-  for (double begin_s = std::floor(rows.front().time_s / kWindow_s) * kWindow_s;
-       begin_s + kWindow_s <= rows.back().time_s; begin_s += kWindow_s) {
+  for (double begin_s = rows.front().time_s; begin_s + kWindow_s <= rows.back().time_s; begin_s += kWindow_s) {
     std::uint64_t count = 0;
     for (; i < rows.size() && rows[i].time_s < begin_s + kWindow_s; ++i) count += per_row;
     tsv << format("%.3f", begin_s + 0.5 * kWindow_s) << format("\t%.6g\n", static_cast<double>(count) / kWindow_s);

@@ -87,7 +87,8 @@ void add_legend(Overlay& over, const StillFrame& frame, const StillLayout& layou
       over.rectangle(x + 2.0 * i, bar_y - 8.0, x + 2.0 * (i + 1), bar_y + 8.0,
                      "fc rgb " + hex(moved_colour(i / 27.0)) + " fs solid noborder");
     }
-    over.label(x + 70.0, bar_y, "moved since the start, 0 to " + length_text(layout.moved_max_m), 14, kDark);
+    over.label(x + 70.0, bar_y, "moved since the start, 0 to " + length_text(layout.moved_max_m) + " and more", 14,
+               kDark);
   }
 }
 
@@ -111,6 +112,8 @@ Figure overlay(const rtbus::config::Scene& scene, const StillFrame& frame, const
   for (const StillHand& hand : frame.hands) {
     const Eigen::Vector2d target = camera.project(hand.target_m), proxy = camera.project(hand.proxy_m);
     const double radius = drawn_radius_m(hand, layout) * camera.px_per_m(hand.target_m);
+    over.circle(proxy.x(), proxy.y(), drawn_radius_m(hand, layout) * camera.px_per_m(hand.proxy_m),
+                "fs empty border lc rgb " + hex(kProxyColour) + " lw 1.5");
     // A light ring below a dark, dashed one can be seen on any ground, and through what stands before it.
     over.circle(target.x(), target.y(), radius, "fs empty border lc rgb '#60ffffff' lw 5");
     over.circle(target.x(), target.y(), radius, "fs empty border lc rgb '#202020' lw 2 dt 2");
@@ -118,7 +121,7 @@ Figure overlay(const rtbus::config::Scene& scene, const StillFrame& frame, const
       over.line(proxy.x(), proxy.y(), target.x(), target.y(), "nohead lw 1.5 dt 3 lc rgb '#202020'");
     }
     const Eigen::Vector2d tip = camera.project(arrow_tip(hand, layout));
-    if (hand.force_n.norm() > 0.02) {
+    if (hand.force_n.norm() > 0.05) {
       const double side = tip.x() < proxy.x() ? -1.0 : 1.0;
       over.label(tip.x() + 14.0 * side, tip.y(), format("%.2f N", hand.force_n.norm()), 17,
                  (side < 0.0 ? "right tc rgb " : "left tc rgb ") + hex(kForceColour));
@@ -158,7 +161,7 @@ StillsOutcome draw_stills(const fs::path& folder, const rtbus::config::Scene& sc
     const ProgramOutcome rendered = run_program(
         "povray", folder,
         {"+I" + frame.stem + ".pov", "+O" + frame.stem + "_bodies.png", "+FN8", "+W" + std::to_string(options.width_px),
-         "+H" + std::to_string(options.height_px), "+A0.15", "+R2", "-D", "-GA", "+GF"});
+         "+H" + std::to_string(options.height_px), "+A0.2", "+R2", "-D", "-GA", "+GF"});
     if (rendered.status != 0) {
       outcome.problem =
           rendered.status < 0 || rendered.status == 127

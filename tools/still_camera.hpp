@@ -10,8 +10,8 @@
 namespace tools {
 
 struct StillView {
-  double azimuth_deg = 32.0;    ///< From +z (where the hand comes from) towards +x.
-  double elevation_deg = 27.0;  ///< Above the horizon.
+  double azimuth_deg = 22.0;    ///< From +z (where the hand comes from) towards +x.
+  double elevation_deg = 30.0;  ///< Above the horizon.
 };
 
 struct Camera {

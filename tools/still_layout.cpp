@@ -104,7 +104,7 @@ StillLayout lay_out(const rtbus::config::Scene& scene, std::span<const StillFram
   if (force_n > 0.1) layout.n_per_cm = round_up_nicely(force_n / (62.0 * radius_m));
   layout.grid_m = round_up_nicely(radius_m / 12.0);
   std::sort(moved_m.begin(), moved_m.end());
-  const double far_m = moved_m.empty() ? 0.0 : moved_m[moved_m.size() * 99 / 100];
+  const double far_m = moved_m.empty() ? 0.0 : moved_m[moved_m.size() * 9 / 10];
   if (far_m > 0.002 * radius_m) layout.moved_max_m = round_up_nicely(far_m);
   for (const StillFrame& frame : frames) {
     for (const StillHand& hand : frame.hands) {

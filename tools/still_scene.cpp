@@ -33,8 +33,8 @@ global_settings {
   assumed_gamma 1.0
   max_trace_level 6
   radiosity {
-    pretrace_start 0.08 pretrace_end 0.01
-    count 80 nearest_count 8 error_bound 0.6 recursion_limit 1
+    pretrace_start 0.08 pretrace_end 0.02
+    count 60 nearest_count 8 error_bound 0.6 recursion_limit 1
     low_error_factor 0.5 gray_threshold 0.3 minimum_reuse 0.012 brightness 1
   }
 }
@@ -180,11 +180,11 @@ std::string pov_text(const rtbus::config::Scene& scene, const StillFrame& frame,
   std::string text = "// povray +I" + frame.stem + ".pov +W" + std::to_string(camera.width_px) + " +H" +
                      std::to_string(camera.height_px) + " +A\n#version 3.7;\n";
   text += kLight;
-  // The key light is a soft one: a square of 5 × 5 lamps over the viewer's left shoulder.
+  // The key light is a soft one: a square of 4 × 4 lamps over the viewer's left shoulder.
   const Eigen::Vector3d lamp =
       at + 6.0 * kUnits * (0.55 * -into - 0.65 * right + 0.9 * Eigen::Vector3d::UnitY()).normalized();
   text += "light_source { " + pov(lamp) + " color rgb 0.72 area_light " + pov(1.2 * kUnits * right) + "," +
-          pov(1.2 * kUnits * up) + ",5,5 adaptive 1 }\n";
+          pov(1.2 * kUnits * up) + ",4,4 adaptive 1 }\n";
   text += "camera { perspective location " + pov(eye) + " right -x*" +
           pov(static_cast<double>(camera.width_px) / camera.height_px) + " up y sky y angle " +
           pov(Camera::kAngle_deg) + " look_at " + pov(at) + " }\n";

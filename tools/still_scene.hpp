@@ -24,7 +24,7 @@ struct StillLayout {
   Camera camera;
   double radius_m = 0.0;     ///< Of what the picture shows.
   double n_per_cm = 1.0;     ///< Newtons at the device per centimetre of arrow in the world.
-  double moved_max_m = 0.0;  ///< Bodies this far from their start have the last colour; 0: nothing moved.
+  double moved_max_m = 0.0;  ///< Bodies this far from their start, and farther, have the last colour; 0: none.
   double grid_m = 0.01;      ///< Squares of the ground.
 };
 [[nodiscard]] StillLayout lay_out(const rtbus::config::Scene& scene, std::span<const StillFrame> frames,
