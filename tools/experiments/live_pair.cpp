@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "rtbus/clock.hpp"
 #include "rtbus/messages.hpp"
@@ -23,7 +24,7 @@ namespace {
 
 constexpr std::uint64_t kPoll_ns = 20 * rtbus::kNsPerMs;
 constexpr double kStartPatience_s = 15.0;
-constexpr double kSettle_s = 0.7;
+constexpr double kSettle_s = 1.2;  // bodies that rest fall asleep after 0.5 s
 
 /// One run, from start to end.
 class LiveRun {
@@ -40,6 +41,8 @@ class LiveRun {
       const auto before = cpu_s();
       const auto published = counts();
       const std::uint64_t began_ns = rtbus::monotonic_ns();
+      if (proxies_) (void)proxies_->read_latest(proxy_);  // from here on
+      steps_us_.clear();
       if (settle(duration_s))
         figures = measure(before, published, rtbus::seconds_between(began_ns, rtbus::monotonic_ns()));
     }
@@ -83,6 +86,12 @@ class LiveRun {
   }
 
   bool observe() {
+    if (plays_physics() && !proxies_) {
+      auto opened =
+          rtbus::Reader<rtbus::ProxyState>::open(plan_.session, "physics.proxy_state." + plan_.haptic.front().name);
+      if (!opened) return false;
+      proxies_.emplace(std::move(*opened));
+    }
     if (variant_.observe_telemetry && !telemetry_) {
       auto opened = rtbus::Reader<rtbus::Telemetry>::open(plan_.session, plan_.haptic.front().name + ".telemetry",
                                                           {.presence = true});
@@ -97,12 +106,15 @@ class LiveRun {
     return true;
   }
 
-  /// Follows the children; what an observer does costs the observer, so its samples are not even read.
+  /// Follows the children and the times of the steps. What an observer asked for is not read: that is its own cost.
   bool poll() {
     if (const auto end = supervisor_.poll()) {
       std::fprintf(stderr, "%s %s\n", end->name.c_str(), end->how().c_str());
       for (const std::string& line : end->last_words) std::fprintf(stderr, "  %s\n", line.c_str());
       return false;
+    }
+    while (proxies_ && proxies_->read_next(proxy_) == rtbus::ReadStatus::kFresh) {
+      steps_us_.push_back(1e6 * proxy_.value.step_compute_s);
     }
     return sleep_unless_interrupted(kPoll_ns);
   }
@@ -166,14 +178,19 @@ class LiveRun {
     auto loop = rtbus::Reader<rtbus::LoopStats>::open(plan_.session, haptic + ".loop_stats");
     rtbus::Stamped<rtbus::LoopStats> ticks;
     if (loop && loop->read_latest(ticks) == rtbus::ReadStatus::kFresh) out.tick_ns = 1e3 * ticks.value.compute_p50_us;
-    auto steps = rtbus::Reader<rtbus::StepStats>::open(plan_.session, "physics.step_stats");
-    rtbus::Stamped<rtbus::StepStats> step;
-    if (steps && steps->read_latest(step) == rtbus::ReadStatus::kFresh) out.step_us = 1e3 * step.value.step_p50_ms;
+    if (!steps_us_.empty()) {
+      const auto middle = steps_us_.begin() + static_cast<std::ptrdiff_t>(steps_us_.size() / 2);
+      std::nth_element(steps_us_.begin(), middle, steps_us_.end());
+      out.step_us = *middle;
+    }
     return out;
   }
 
   const LiveVariant& variant_;
   RunPlan plan_;
+  std::optional<rtbus::Reader<rtbus::ProxyState>> proxies_;
+  rtbus::Stamped<rtbus::ProxyState> proxy_;
+  std::vector<double> steps_us_;  ///< Engine time of each step in the window.
   std::optional<rtbus::Reader<rtbus::Telemetry>> telemetry_;
   std::optional<rtbus::Reader<rtbus::BodyPoses>> poses_;
   Supervisor supervisor_{[](const std::string&, std::string_view) {}};

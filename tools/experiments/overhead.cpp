@@ -174,19 +174,26 @@ void draw(const std::vector<Part>& parts, Experiment& experiment) {
   }
   tsv.close();
   const std::string rows = std::to_string(parts.size());
-  const auto panel = [&](int column, const char* label, const char* colour, const char* pattern, bool names) {
-    const std::string c = std::to_string(column), low = std::to_string(column + 1), high = std::to_string(column + 2);
-    std::string text = std::string("set xlabel '") + label + "'\n";
+  const auto panel = [&](int column, const Figure1& value, const char* label, const char* colour, const char* pattern,
+                         bool names) {
+    double low = 0.0, high = 0.0;
+    for (const Part& part : parts) {
+      const Spread s = saving(part, value);
+      if (!std::isfinite(s.median)) continue;
+      low = std::min(low, s.low);
+      high = std::max(high, s.high);
+    }
+    const double span = std::max(high - low, 1e-3);
+    char range[80];
+    std::snprintf(range, sizeof range, "set xrange [%g:%g]\n", low - 0.06 * span,
+                  high + 0.45 * span);  // figures fit in
+    const std::string c = std::to_string(column), to = std::to_string(column + 2);
+    const std::string right = "$" + to;
+    std::string text = std::string("set xlabel '") + label + "'\n" + range;
     text += names ? "set ytics nomirror scale 0\n" : "set format y ''\n";
-    // Room on the right for the figures.
-    text +=
-        "stats 'overhead.tsv' using " + high + " nooutput name 'H'\nstats 'overhead.tsv' using " + low +
-        " nooutput name 'L'\nspan = (H_max > 0 ? H_max : 0) - (L_min < 0 ? L_min : 0)\nif (span <= 0) { span = 1 }\n" +
-        "set xrange [(L_min < 0 ? L_min : 0) - 0.06*span:(H_max > 0 ? H_max : 0) + 0.42*span]\n";
-    text += "plot 'overhead.tsv' using (0):1:(0):" + c +
-            ":($1-0.28):($1+0.28):ytic(2) with boxxyerror fs solid 0.75 noborder lc rgb '" + colour +
-            "' notitle, '' using " + c + ":1:" + low + ":" + high +
-            " with xerrorbars pt 0 lw 1.5 lc rgb '#202020' notitle, '' using ($" + high + " > 0 ? $" + high +
+    text += "plot 'overhead.tsv' using (0):1:(0):" + c + ":($1-0.28):($1+0.28):ytic(2) with boxxyerror fs solid 0.75 " +
+            "noborder lc rgb '" + colour + "' notitle, '' using " + c + ":1:" + std::to_string(column + 1) + ":" + to +
+            " with xerrorbars pt 0 lw 1.5 lc rgb '#202020' notitle, '' using (" + right + " > 0 ? " + right +
             " : 0):1:(sprintf('" + pattern + "', $" + c + ")) with labels left offset 0.8,0 tc rgb '#202020' notitle\n";
     return text;
   };
@@ -197,11 +204,11 @@ void draw(const std::vector<Part>& parts, Experiment& experiment) {
       rows +
       ".6]\nset bmargin 4\nset tmargin 3\nset xtics autofreq\nset xtics rotate by 0\n"
       "set lmargin at screen 0.19\nset rmargin at screen 0.44\n" +
-      panel(3, "haptic cycle [ns]", "#4393c3", "%+.0f ns", true) +
+      panel(3, tick_ns, "haptic cycle [ns]", "#4393c3", "%+.0f ns", true) +
       "set lmargin at screen 0.47\nset rmargin at screen 0.71\n" +
-      panel(6, "physics step [us]", "#762a83", "%+.1f us", false) +
+      panel(6, step_us, "physics step [us]", "#762a83", "%+.1f us", false) +
       "set lmargin at screen 0.74\nset rmargin at screen 0.98\n" +
-      panel(9, "resident memory [MiB]", "#1b7837", "%+.1f MiB", false) + "unset multiplot\n";
+      panel(9, rss_mib, "resident memory [MiB]", "#1b7837", "%+.1f MiB", false) + "unset multiplot\n";
   auto drawn = gnuplot->draw(experiment.folder(), figure);
   if (!drawn) {
     experiment.note("no figure: " + drawn.error());
