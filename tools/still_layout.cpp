@@ -96,6 +96,7 @@ StillLayout lay_out(const rtbus::config::Scene& scene, std::span<const StillFram
   if (radius_m < kLeastRadius_m && start_radius_m == 0.0) {
     for (const double sign : {-1.0, 1.0}) {
       points.push_back(centre + sign * kLeastRadius_m * Eigen::Vector3d(1.0, 0.3, 1.0));
+      points.push_back(centre + sign * kLeastRadius_m * Eigen::Vector3d(1.0, 0.3, -1.0));
     }
     radius_m = kLeastRadius_m;
   }
