@@ -84,6 +84,16 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "physics.heartbeat", 16);
   auto step_stats = create(std::type_identity<rtbus::StepStats>{}, "physics.step_stats", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
+  const auto& bodies = settings.scene.bodies;
+  if (std::any_of(bodies.begin(), bodies.end(),
+                  [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; })) {
+    auto poses = PosePublisher::create(settings.session, node->stepper_->world().bodies());
+    if (poses) {
+      node->poses_ = std::move(*poses);
+    } else if (failed.empty()) {
+      failed = "session " + settings.session.name + ": topic physics.body_poses: " + rtbus::to_string(poses.error());
+    }
+  }
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
   node->topics_ = std::make_unique<Topics>(
@@ -97,11 +107,10 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
-  const EngineEntry* engine = find_engine(physics.engine);
   spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {} at {}{:g} Hz, {} parts per step",
                physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.clock(),
                physics.pace == Pace::kFree ? "not less than " : "", 1.0 / physics.step_s(), physics.parts_per_step());
-  spdlog::info("physics: left out: {}", engine->left_out);
+  spdlog::info("physics: left out: {}", left_out());
   for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
     spdlog::warn("physics: {}", warning);
   }
@@ -127,6 +136,16 @@ bool Node::sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept {
     rtbus::sleep_until(std::min(deadline_ns, now_ns + kLongestNapNs));
   }
   return false;
+}
+
+std::string Node::left_out() const {
+  std::string text(find_engine(config_.physics.engine)->left_out);
+  if (!poses_) {
+    text += ", body poses";
+  } else if (!poses_->observed()) {
+    text += ", body poses while nobody looks";
+  }
+  return text;
 }
 
 void Node::read_devices() noexcept {
@@ -181,6 +200,8 @@ void Node::step_on_time() noexcept {
     if (throttled && !late && !sleep_unless_stopped(pacer.due_ns())) break;
     publish_answers(ended_ns - began_ns);
     count_step(ended_ns - began_ns, pacer.due(), static_cast<double>(pacer.due()) * step_s, late);
+    // After the answers have left: the hand does not wait for pictures.
+    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
   }
 }
 
@@ -202,6 +223,7 @@ void Node::step_freely() noexcept {
     publish_answers(ended_ns - began_ns);
     count_step(ended_ns - began_ns, stepper_->steps(), rtbus::seconds_between(start_ns, began_ns),
                elapsed_ns > longest_ns);
+    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
   }
 }
 
@@ -225,7 +247,6 @@ void Node::beat_thread() noexcept {
   set_text(info.clock, physics.clock());
   set_text(info.scheduling, "SCHED_OTHER");
   set_text(info.realtime, "none asked for");
-  set_text(info.left_out, find_engine(physics.engine)->left_out);
   info.rate_hz = 1.0 / physics.step_s();
   info.core = 0xffffffff;
   info.bodies = static_cast<std::uint32_t>(stepper_->world().bodies());
@@ -290,11 +311,13 @@ void Node::beat_thread() noexcept {
                  : stepped                                   ? rtbus::NodeState::kRunning
                                                              : rtbus::NodeState::kStarting);
     topics_->maintain();
+    if (poses_) poses_->maintain();
     if (round % kStatsEvery == 0) {
       publish_stats(false);
       warn_when_slow();
     }
     if (round % kInfoEvery == 0) {
+      set_text(info.left_out, left_out());
       topics_->node_info.publish(info, rtbus::monotonic_ns());
       const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
       if (ignored > warned_ignored) {

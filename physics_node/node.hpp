@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "physics_node/node_config.hpp"
+#include "physics_node/pose_publisher.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/result.hpp"
@@ -64,13 +65,15 @@ class Node {
   void beat_thread() noexcept;
   void read_devices() noexcept;
   void publish_answers(std::uint64_t compute_ns) noexcept;
+  [[nodiscard]] std::string left_out() const;
   [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
 
   NodeConfig config_;
   std::unique_ptr<Topics> topics_;
-  std::unique_ptr<Stepper> stepper_;     // of the step thread once it runs
-  std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed
+  std::unique_ptr<Stepper> stepper_;      // of the step thread once it runs
+  std::unique_ptr<PosePublisher> poses_;  // null: nothing in this scene moves
+  std::vector<std::uint64_t> heard_ns_;   // when each device last published; 0: never, or silence already noticed
 
   // Written by the step thread, read by the beat thread.
   rtbus::Histogram step_time_ns_;

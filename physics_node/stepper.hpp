@@ -46,6 +46,7 @@ class Stepper {
   [[nodiscard]] rtbus::ProxyState answer(std::size_t proxy) const;
 
   [[nodiscard]] std::size_t proxies() const noexcept { return links_.size(); }
+  [[nodiscard]] const ProxyConfig& proxy(std::size_t proxy) const { return links_[proxy].config; }
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   [[nodiscard]] double simulated_s() const noexcept { return simulated_s_; }
   [[nodiscard]] std::uint64_t ignored_states() const noexcept { return ignored_states_; }  ///< Not finite, or no scale.

@@ -138,6 +138,21 @@ struct StepStats {
   std::uint64_t bodies = 0;
 };
 
+/// `physics.body_poses`, at most 30 times a second and only while somebody looks: where the bodies of the scene are. A
+/// frame of more than kBodies bodies comes as several samples, one after the other.
+struct BodyPoses {
+  static constexpr std::uint32_t kBodies = 64;  ///< Bodies in one sample.
+  std::uint64_t frame = 0;                      ///< Complete sets since the node started, from 1.
+  std::uint64_t step_index = 0;                 ///< The step after which the bodies are here.
+  double simulated_s = 0.0;                     ///< Simulated time since the world was made.
+  std::uint32_t first_body = 0;                 ///< Scene index (grids unrolled) of the first body in this sample.
+  std::uint32_t count = 0;                      ///< Bodies in this sample; the rest of the arrays is zero.
+  std::uint32_t bodies = 0;                     ///< Bodies in the frame.
+  std::uint32_t reserved = 0;
+  std::array<Vec3, kBodies> position_m{};        ///< p_WB.
+  std::array<Quat, kBodies> orientation_wxyz{};  ///< q_WB.
+};
+
 /// `<haptic>.plant_command`, every tick with `process: own`: the force for the separate plant process.
 struct PlantCommand {
   Vec3 force_n{};  ///< In D.
@@ -287,6 +302,15 @@ struct SampleTraits<StepStats> {
       RTBUS_FIELD(T, late, "1"),         RTBUS_FIELD(T, bodies, "1")};
 };
 template <>
+struct SampleTraits<BodyPoses> {
+  static constexpr std::string_view kName = "rtbus/BodyPoses";
+  using T = BodyPoses;
+  static constexpr std::array kFields{
+      RTBUS_FIELD(T, frame, "1"),      RTBUS_FIELD(T, step_index, "1"), RTBUS_FIELD(T, simulated_s, "s"),
+      RTBUS_FIELD(T, first_body, "1"), RTBUS_FIELD(T, count, "1"),      RTBUS_FIELD(T, bodies, "1"),
+      RTBUS_FIELD(T, reserved, "1"),   RTBUS_FIELD(T, position_m, "m"), RTBUS_FIELD(T, orientation_wxyz, "1")};
+};
+template <>
 struct SampleTraits<PlantCommand> {
   static constexpr std::string_view kName = "rtbus/PlantCommand";
   using T = PlantCommand;
@@ -309,6 +333,7 @@ static_assert(sizeof(NodeInfo) == 536 && Sample<NodeInfo>);
 static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);
 static_assert(sizeof(Telemetry) == 240 && Sample<Telemetry>);
 static_assert(sizeof(StepStats) == 88 && Sample<StepStats>);
+static_assert(sizeof(BodyPoses) == 3624 && Sample<BodyPoses>);
 static_assert(sizeof(PlantCommand) == 24 && Sample<PlantCommand>);
 static_assert(sizeof(PlantState) == 136 && Sample<PlantState>);
 

@@ -7,6 +7,7 @@
 #include "tools/command.hpp"
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
+#include "tools/experiments/overhead.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -41,9 +42,18 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
       faults.session_file = options.config.empty() ? find_session("wall_own_plant.yaml") : options.config;
       faults.program = folder_of_this_program() + "/rtbus";
       faults.runs = options.quick ? 1 : 3;
-      if (!options.assignments.empty())
+      if (!options.assignments.empty()) {
         throw rtbus::config::Error("evaluate faults takes no --set; write a session file");
+      }
       evaluate_faults(faults, experiment);
+    } else if (options.experiment == "overhead") {
+      if (!options.config.empty() || !options.assignments.empty()) {
+        throw rtbus::config::Error(
+            "evaluate overhead compares sessions of its own: it takes neither --config nor --set");
+      }
+      OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
+      if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
+      evaluate_overhead(overhead, experiment);
     } else {
       DropOptions drop;
       drop.session_file = options.config.empty() ? find_session("drop.yaml") : options.config;
@@ -67,9 +77,10 @@ Action add_evaluate(CLI::App& command) {
   auto options = std::make_shared<EvaluateOptions>();
   command
       .add_option("experiment", options->experiment,
-                  "drop: free fall onto a wall (paper, Fig. 8); faults: what the hand feels when something dies")
+                  "drop: free fall onto a wall (paper, Fig. 8); faults: what the hand feels when something dies; "
+                  "overhead: what each optional part costs")
       ->required()
-      ->check(CLI::IsMember({"drop", "faults"}));
+      ->check(CLI::IsMember({"drop", "faults", "overhead"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,

@@ -26,6 +26,7 @@
 #include "tools/run_observer.hpp"
 #include "tools/run_plots.hpp"
 #include "tools/run_progress.hpp"
+#include "tools/run_stills.hpp"
 #include "tools/supervisor.hpp"
 #include "tools/text_table.hpp"
 
@@ -92,11 +93,15 @@ class Run {
       observers_.push_back(std::make_unique<HapticObserver>(plan_.session, haptic));
     }
     if (plan_.physics) physics_.emplace(plan_.session);
+    if (options.stills && draws()) stills_.emplace(plan_);
   }
 
   int operator()();
 
  private:
+  [[nodiscard]] bool draws() const {
+    return !options_.no_plots && (!options_.plots.empty() || !options_.report.empty());
+  }
   [[nodiscard]] bool start();
   [[nodiscard]] bool start_children(const std::vector<ChildSpec>& children);
   template <class Ready>
@@ -117,6 +122,7 @@ class Run {
   RunProgress progress_;
   std::vector<std::unique_ptr<HapticObserver>> observers_;
   std::optional<PhysicsObserver> physics_;
+  std::optional<RunStills> stills_;
   std::unique_ptr<BareLoop> bare_;
   struct Pending {
     ChildSpec child;
@@ -203,6 +209,7 @@ bool Run::start() {
   return wait_for("the topics of every node", [this] {
     bool all = !physics_ || physics_->attach();
     for (const auto& observer : observers_) all = observer->attach() && all;
+    if (stills_) all = stills_->attach() && all;
     return all;
   });
 }
@@ -259,6 +266,7 @@ bool Run::start_again() {
 void Run::drain() {
   for (const auto& observer : observers_) observer->drain();
   if (physics_) physics_->drain();
+  if (stills_ && running_ns_ != 0) stills_->drain(rtbus::seconds_between(running_ns_, rtbus::monotonic_ns()));
 }
 
 void Run::start_bare_loop() {
@@ -351,7 +359,7 @@ void Run::fill_report(const Snapshot& first, const Snapshot& last) {
 }
 
 int Run::finish() {
-  if (!options_.no_plots && (!options_.plots.empty() || !options_.report.empty())) {
+  if (draws()) {
     RunPlots plots;
     const fs::path report(options_.report);
     plots.folder =
@@ -362,6 +370,11 @@ int Run::finish() {
     RunPlotsOutcome drawn = draw_run_plots(plots);
     report_.figures = std::move(drawn.files);
     if (!drawn.problem.empty()) std::fprintf(stderr, "rtbus run: %s\n", drawn.problem.c_str());
+    if (stills_) {
+      const StillsOutcome rendered = stills_->draw(plots.folder);
+      report_.figures.insert(report_.figures.end(), rendered.files.begin(), rendered.files.end());
+      if (!rendered.problem.empty()) std::fprintf(stderr, "rtbus run: %s\n", rendered.problem.c_str());
+    }
   }
   report_.wall_s = rtbus::seconds_between(began_ns_, rtbus::monotonic_ns());
   const nlohmann::ordered_json json = to_json(report_);

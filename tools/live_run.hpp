@@ -17,6 +17,7 @@ struct RunOptions {
   std::string plots;                     ///< "": beside the report, if there is one.
   std::vector<std::string> assignments;  ///< --set.
   bool no_plots = false;
+  bool stills = false;  ///< Among the plots.
   bool no_bare_loop = false;
   bool no_restart = false;
   bool json = false;

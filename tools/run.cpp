@@ -73,6 +73,9 @@ Action add_run(CLI::App& command) {
       ->type_name("KEY=VALUE");
   command.add_option("--plots", options->plots, "Folder of the figures; with --report the default is REPORT_plots")
       ->type_name("DIR");
+  command.add_flag("--stills", options->stills,
+                   "Render the scene at the start, the hardest push and the end, among the figures (needs povray; "
+                   "physics publishes body poses meanwhile)");
   command.add_flag("--no-plots", options->no_plots, "No figures");
   command.add_flag("--no-bare-loop", options->no_bare_loop,
                    "Do not run a bare realtime loop beside the haptic loop (it is run with --report)");

@@ -9,6 +9,7 @@
 #include "haptic_node/node_config.hpp"
 #include "physics_node/node_config.hpp"
 #include "rtbus/config/document.hpp"
+#include "rtbus/config/scene.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/segment.hpp"
 #include "tools/supervisor.hpp"
@@ -17,7 +18,8 @@ namespace tools {
 
 struct RunPlan {
   rtbus::Session session;
-  std::string scene;
+  std::string scene;           ///< Its name.
+  rtbus::config::Scene world;  ///< The scene itself, for pictures.
   rtbus::config::SuperviseConfig supervise;
   std::vector<haptic::HapticConfig> haptic;
   std::optional<physics::NodeConfig> physics;

@@ -2,13 +2,17 @@
 #include "tools/harness/harness.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "physics_node/pose_publisher.hpp"
 
 namespace {
 
@@ -46,6 +50,37 @@ TEST(Harness, GivesTwoBitIdenticalRuns) {
     EXPECT_EQ(hash[0], hash[1]) << file;
   }
 }
+
+#if RTBUS_WITH_BULLET
+// Body poses only read the world: whoever looks changes no bit of the force, also while cubes are pushed.
+TEST(Harness, GivesTheSameForceWithAndWithoutAnObserverOfBodies) {
+  rtbus::Session bus;
+  bus.name = "harness-poses-" + std::to_string(::getpid());
+  std::uint64_t hash[2] = {}, frames = 0;
+  double force_n = 0.0;
+  for (const bool observed : {false, true}) {
+    auto settings = session("stack_125.yaml");
+    Harness harness(settings, {});
+    auto poses = physics::PosePublisher::create(bus, harness.stepper()->world().bodies());
+    ASSERT_TRUE(poses.has_value());
+    auto reader = rtbus::Reader<rtbus::BodyPoses>::open(bus, "physics.body_poses", {.presence = observed});
+    ASSERT_TRUE(reader.has_value());
+    for (double t = 0.0; t < 2.4; t += 0.02) {  // the tip meets the stack after 2 s
+      harness.run(0.02, [&](const Telemetry& tick) { force_n = std::max(force_n, norm(tick.force_n)); });
+      (*poses)->maintain();
+      (*poses)->publish_if_due(*harness.stepper(), static_cast<std::uint64_t>((1.0 + harness.now_s()) * 1e9));
+    }
+    hash[observed ? 1 : 0] = harness.hash();
+    rtbus::Stamped<rtbus::BodyPoses> sample;
+    if (reader->read_latest(sample) == rtbus::ReadStatus::kFresh) frames = sample.value.frame;
+    EXPECT_EQ(frames > 0, observed);
+  }
+  EXPECT_GT(frames, 40u);  // 2.4 s at a frame every 40 ms, the first multiple of 20 ms above 1/30 s
+  EXPECT_LT(frames, 75u);
+  EXPECT_GT(force_n, 0.5);
+  EXPECT_EQ(hash[0], hash[1]);
+}
+#endif
 
 TEST(Harness, SeesAnyChangeOfAGain) {
   std::uint64_t hash[2] = {};

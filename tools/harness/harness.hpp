@@ -47,6 +47,8 @@ class Harness {
   [[nodiscard]] const haptic::HapticConfig& config() const noexcept { return config_; }
   [[nodiscard]] rtbus::LoopStats stats() const { return loop_->stats(); }
   [[nodiscard]] const rtbus::DeviceState& device_state() const noexcept { return loop_->device_state(); }
+  /// The physics side, to look at; null when the law needs none.
+  [[nodiscard]] const physics::Stepper* stepper() const noexcept { return stepper_.get(); }
   /// FNV-1a over every cycle's telemetry so far: the fingerprint of a run.
   [[nodiscard]] std::uint64_t hash() const noexcept { return hash_; }
 
