@@ -40,7 +40,8 @@ struct Node::Topics {
   std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
 };
 
-Node::Node(NodeConfig config) : config_(std::move(config)), heard_ns_(config_.proxies.size(), 0) {}
+Node::Node(NodeConfig config)
+    : config_(std::move(config)), contact_topics_(config_), heard_ns_(config_.proxies.size(), 0) {}
 
 Node::~Node() { stop(); }
 
@@ -67,6 +68,7 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "physics.heartbeat", 16);
   auto step_stats = create(std::type_identity<rtbus::StepStats>{}, "physics.step_stats", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
+  if (failed.empty()) failed = node->contact_topics_.open();
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
   node->topics_ = std::make_unique<Topics>(
@@ -80,7 +82,6 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
-  const EngineEntry* engine = find_engine(physics.engine);
   if (physics.throttle_hz) {
     spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step",
                  physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
@@ -90,12 +91,18 @@ void Node::start() {
                  config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.rate_hz,
                  physics.parts_per_step());
   }
-  spdlog::info("physics: left out: {}", engine->left_out);
+  spdlog::info("physics: left out: {}", left_out());
   for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
     spdlog::warn("physics: {}", warning);
   }
   beat_thread_ = std::thread([this] { beat_thread(); });
   step_thread_ = std::thread([this] { step_thread(); });
+}
+
+std::string Node::left_out() const {
+  std::string text(find_engine(config_.physics.engine)->left_out);
+  if (!contact_topics_.in_use()) text += ", contact constraints while no force law asks for them";
+  return text;
 }
 
 void Node::stop() noexcept {
@@ -127,7 +134,7 @@ void Node::read_devices() noexcept {
       heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
     }
     if (heard_ns_[i] != 0 && now_ns > heard_ns_[i] + kDeviceSilentNs) {
-      stepper_->hold_target(i);
+      stepper_->release(i);
       heard_ns_[i] = 0;
     }
   }
@@ -140,6 +147,7 @@ void Node::publish_answers(std::uint64_t compute_ns) noexcept {
     state.step_compute_s = static_cast<double>(compute_ns) * 1e-9;
     topics_->proxy_states[i].publish(state, now_ns);
   }
+  contact_topics_.publish(*stepper_, now_ns);
   last_compute_ns_.store(compute_ns, std::memory_order_relaxed);
   last_work_ns_.store(now_ns, std::memory_order_relaxed);
 }
@@ -179,7 +187,6 @@ void Node::beat_thread() noexcept {
   set_text(info.clock, physics.throttle_hz ? "throttled" : "fixed");
   set_text(info.scheduling, "SCHED_OTHER");
   set_text(info.realtime, "none asked for");
-  set_text(info.left_out, find_engine(physics.engine)->left_out);
   info.rate_hz = 1.0 / physics.step_s();
   info.core = 0xffffffff;
   info.bodies = static_cast<std::uint32_t>(stepper_->world().bodies());
@@ -226,7 +233,9 @@ void Node::beat_thread() noexcept {
                                                              : rtbus::NodeState::kStarting);
     for (const auto& subscription : topics_->device_states) subscription->maintain();
     if (round % kStatsEvery == 0) publish_stats(false);
+    if (const std::string failed = contact_topics_.maintain(); !failed.empty()) spdlog::warn("physics: {}", failed);
     if (round % kInfoEvery == 0) {
+      set_text(info.left_out, left_out());
       topics_->node_info.publish(info, rtbus::monotonic_ns());
       const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
       if (ignored > warned_ignored) {

@@ -7,11 +7,13 @@
 /// slow engine and a dead process look different. Both are SCHED_OTHER: the hand's safety does not rest on this
 /// process.
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "physics_node/contact_topics.hpp"
 #include "physics_node/node_config.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/histogram.hpp"
@@ -31,8 +33,8 @@ struct NodeFault {
 /// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
 /// engine would deliver it.
 ///
-/// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest;
-/// when it speaks again, the proxy starts anew at the target it names.
+/// The proxy of a haptic node that is silent for longer than kDeviceSilentNs lets go: it pulls and touches nothing. When the
+/// node speaks again, the proxy starts anew at the target it names.
 class Node {
  public:
   static constexpr std::uint64_t kDeviceSilentNs = 100'000'000;
@@ -57,9 +59,11 @@ class Node {
   void publish_answers(std::uint64_t compute_ns) noexcept;
   [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
+  [[nodiscard]] std::string left_out() const;
 
   NodeConfig config_;
   std::unique_ptr<Topics> topics_;
+  ContactTopics contact_topics_;
   std::unique_ptr<Stepper> stepper_;     // of the step thread once it runs
   std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed
 

@@ -25,6 +25,8 @@ struct PhysicsConfig {
   int substeps = 1;                   ///< Equal parts that each 1/rate_hz of simulated time is cut into.
 
   int solver_iterations = 10;         ///< Of an engine that solves contacts by iteration; analytic does not.
+  bool contacts_always = false;  ///< Publish contact constraints also when no force law asks for them.
+  std::optional<double> contact_radius_m;  ///< How far around the proxy they reach; none: Stepper::contact_radius_m().
 
   [[nodiscard]] EngineSettings engine_settings() const noexcept { return {solver_iterations}; }
   /// Simulated time of one step, which is also the period in which it happens [s].
