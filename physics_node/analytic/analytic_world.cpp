@@ -43,7 +43,8 @@ void AnalyticWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
 }
 
 void AnalyticWorld::release_proxy(std::size_t index) {
-  reset_proxy(index, proxies_.at(index).state.position_m);
+  const Vector3d place = proxies_.at(index).state.position_m;  // a copy: the state is cleared before it is used
+  reset_proxy(index, place);
   proxies_[index].released = true;
 }
 

@@ -35,7 +35,8 @@ class BulletProxy {
   /// `radius_m` > 0. Throws std::invalid_argument as World::add_proxy() of the analytic engine does.
   BulletProxy(const ProxyParameters& parameters, double radius_m, double scale);
 
-  void reset(const Eigen::Vector3d& position_m);
+  /// By value: the place may be that of state(), which is cleared.
+  void reset(Eigen::Vector3d position_m);
   void set_target(const ProxyTarget& target);
 
   /// Mass and velocity for a step of `h` seconds.

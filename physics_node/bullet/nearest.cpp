@@ -74,13 +74,13 @@ Vector3d nearest_on_triangle(const Vector3d& p, const Vector3d& a, const Vector3
 /// Collects the faces near a point; what two faces share (an edge, a corner, a plane) counts once.
 class MeshVisitor final : public btTriangleCallback {
  public:
-  MeshVisitor(const Vector3d& p, double reach, double skin) : p_(p), reach_(reach), skin_(skin) {}
+  MeshVisitor(const Vector3d& p, double reach) : p_(p), reach_(reach) {}
 
   void processTriangle(btVector3* corner, int, int) override {
     const Vector3d a = from_bullet(corner[0]), b = from_bullet(corner[1]), c = from_bullet(corner[2]);
     const Vector3d face = (b - a).cross(c - a).normalized();
     const Vector3d if_inside = face.allFinite() ? face : Vector3d(Vector3d::UnitY());
-    const NearPoint hit = around(p_, nearest_on_triangle(p_, a, b, c), skin_, if_inside);
+    const NearPoint hit = around(p_, nearest_on_triangle(p_, a, b, c), 0.0, if_inside);
     if (hit.gap > reach_) return;
     for (NearPoint& known : found) {
       if (known.normal.dot(hit.normal) < kSameDirection) continue;
@@ -95,7 +95,7 @@ class MeshVisitor final : public btTriangleCallback {
  private:
   static constexpr double kSameDirection = 0.9999;  // 0.8 degrees
   Vector3d p_;
-  double reach_, skin_;
+  double reach_;
 };
 
 void nearest_hull(const btConvexShape& hull, const btTransform& pose, const Vector3d& centre, double radius, double max_gap,
@@ -146,8 +146,8 @@ void nearest_points(const btCollisionShape& shape, const btTransform& pose, cons
       break;
     case TRIANGLE_MESH_SHAPE_PROXYTYPE: {
       const auto& mesh = static_cast<const btBvhTriangleMeshShape&>(shape);
-      MeshVisitor visitor(p, radius + max_gap, static_cast<double>(mesh.getMargin()));
-      const Vector3d reach = Vector3d::Constant(radius + max_gap + static_cast<double>(mesh.getMargin()));
+      MeshVisitor visitor(p, radius + max_gap);
+      const Vector3d reach = Vector3d::Constant(radius + max_gap);
       mesh.processAllTriangles(&visitor, to_bullet(Vector3d(p - reach)), to_bullet(Vector3d(p + reach)));
       in_body = std::move(visitor.found);
       break;

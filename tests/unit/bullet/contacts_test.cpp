@@ -54,7 +54,7 @@ TEST(BulletContacts, GiveTheEffectiveMassOfAFreeCube) {
     scene.gravity_m_s2.setZero();
     scene.bodies.push_back(body("cube", rtbus::shapes::Box{Vector3d::Constant(0.5 * kEdgeM)}, {0.1, 0.2, 0.3}, kMassKg));
     const auto world = bullet(scene);
-    world->add_proxy({"haptic0", 0.1, kRadiusM, 1.0, {0.1 - 0.5 * kEdgeM - kRadiusM - 0.001, 0.2 + off_m, 0.3}});
+    world->add_proxy({"haptic0", 0.1, kRadiusM, 0.0, {0.1 - 0.5 * kEdgeM - kRadiusM - 0.001, 0.2 + off_m, 0.3}});
     const ContactSet set = ask(*world);
     ASSERT_EQ(set.contacts.size(), 1U);
     const physics::Contact& contact = set.contacts[0];
@@ -106,19 +106,32 @@ TEST(BulletContacts, GiveTheFrictionBoundOfABlockOnAFloor) {
 TEST(BulletContacts, TellFrictionAndTheHandApartWhileABlockIsPushed) {
   BlockOnFloor block;
   run(*block.world, {0, 0.015, kRadiusM - 0.002}, 500);  // 2 mm · 200 N/m: below the bound, it sticks
-  ContactSet set = ask(*block.world);
-  ASSERT_EQ(set.bodies.size(), 1U);
-  EXPECT_NEAR(set.bodies[0].proxy_force_n.z(), -0.4, 0.02);
-  EXPECT_NEAR(set.bodies[0].friction_force_n.z(), 0.4, 0.04) << "the floor holds against it";
-  EXPECT_NEAR(set.bodies[0].external_force_n.z(), 0.0, 0.02) << "and that is not counted twice";
-  EXPECT_NEAR(set.bodies[0].friction_bound_n, 0.2 * 0.5 * kGravity, 0.05);
+  // Sticking friction changes sign and size from step to step in Bullet; its mean is what holds.
+  constexpr int kSteps = 400;
+  double hand_n = 0.0, friction_n = 0.0, external_n = 0.0, bound_n = 0.0;
+  for (int i = 0; i < kSteps; ++i) {
+    run(*block.world, {0, 0.015, kRadiusM - 0.002}, 1);
+    const ContactSet set = ask(*block.world);
+    ASSERT_EQ(set.bodies.size(), 1U);
+    EXPECT_NEAR((set.bodies[0].proxy_force_n + block.world->proxy(0).contact_force_n).norm(), 0.0, 1e-3) << "third law";
+    hand_n += set.bodies[0].proxy_force_n.z() / kSteps;
+    friction_n += set.bodies[0].friction_force_n.z() / kSteps;
+    external_n += set.bodies[0].external_force_n.z() / kSteps;
+    bound_n += set.bodies[0].friction_bound_n / kSteps;
+  }
+  EXPECT_NEAR(hand_n, -0.4, 0.08);  // the block gives way by some tenths of a millimetre before it holds
+  EXPECT_NEAR(friction_n, -hand_n, 0.05) << "the floor holds against it";
+  EXPECT_NEAR(external_n, 0.0, 0.01) << "and that is not counted twice";
+  EXPECT_NEAR(bound_n, 0.2 * 0.5 * kGravity, 0.02);
 }
 
 TEST(BulletContacts, KeepTheBoundOfASleepingBlockAndEstimateThatOfOneThatNeverWoke) {
   BlockOnFloor block;
+  block.world = bullet(block.scene);
+  block.world->add_proxy({"haptic0", 0.1, kRadiusM, 0.0, {0, 0.02, kRadiusM + 0.02}});  // within 10 mm it keeps it awake
   for (int i = 0; i < 2000 && block.world->awake_bodies() > 0; ++i) block.world->step(1e-3);
   ASSERT_EQ(block.world->awake_bodies(), 0U);
-  const ContactSet slept = ask(*block.world);
+  const ContactSet slept = ask(*block.world, 0.03);
   ASSERT_EQ(slept.bodies.size(), 1U);
   EXPECT_NEAR(slept.bodies[0].friction_bound_n, 0.2 * 0.5 * kGravity, 0.05);
   EXPECT_EQ(slept.bodies[0].external_force_n.norm(), 0.0);
@@ -193,7 +206,7 @@ TEST(BulletContacts, LeaveAStackBitIdentical) {
       world->contacts(0, 0.01, set);
       seen = std::max(seen, set.supports.size());
     }
-    if (asked == 1) EXPECT_GT(seen, 2U) << "nothing was asked about";
+    EXPECT_EQ(seen > 2U, asked == 1) << "nothing was asked about";
     for (std::size_t i = 0; i < world->bodies(); ++i) poses[asked].push_back(world->body_pose(i));
   }
   for (std::size_t i = 0; i < poses[0].size(); ++i) {
