@@ -31,7 +31,8 @@ std::string help_footer() {
   }
   text +=
       "\nReads <haptic>.device_state of every haptic entry of the session; publishes physics.proxy_state.<haptic>,\n"
-      "physics.heartbeat, physics.step_stats and physics.node_info. SIGINT or SIGTERM ends it and removes its topics.\n"
+      "physics.heartbeat, physics.step_stats and physics.node_info, and physics.contacts.<haptic> when a force law or\n"
+      "physics.contacts asks for it. SIGINT or SIGTERM ends it and removes its topics.\n"
       "Exit status: 0 ended by a signal, 1 failed (for example: another physics node runs this session),\n"
       "2 wrong usage or configuration.";
   return text;

@@ -57,7 +57,8 @@ struct Node::Topics {
   }
 };
 
-Node::Node(NodeConfig config) : config_(std::move(config)), heard_ns_(config_.proxies.size(), 0) {}
+Node::Node(NodeConfig config)
+    : config_(std::move(config)), contact_topics_(config_), heard_ns_(config_.proxies.size(), 0) {}
 
 Node::~Node() { stop(); }
 
@@ -94,6 +95,7 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
       failed = "session " + settings.session.name + ": topic physics.body_poses: " + rtbus::to_string(poses.error());
     }
   }
+  if (failed.empty()) failed = node->contact_topics_.open();
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
   node->topics_ = std::make_unique<Topics>(
@@ -145,6 +147,7 @@ std::string Node::left_out() const {
   } else if (!poses_->observed()) {
     text += ", body poses while nobody looks";
   }
+  if (!contact_topics_.in_use()) text += ", contact constraints while no force law asks for them";
   return text;
 }
 
@@ -157,7 +160,7 @@ void Node::read_devices() noexcept {
       heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
     }
     if (heard_ns_[i] != 0 && now_ns > heard_ns_[i] + kDeviceSilentNs) {
-      stepper_->hold_target(i);
+      stepper_->release(i);
       heard_ns_[i] = 0;
     }
   }
@@ -170,6 +173,7 @@ void Node::publish_answers(std::uint64_t compute_ns) noexcept {
     state.step_compute_s = static_cast<double>(compute_ns) * 1e-9;
     topics_->proxy_states[i].publish(state, now_ns);
   }
+  contact_topics_.publish(*stepper_, now_ns);
   last_compute_ns_.store(compute_ns, std::memory_order_relaxed);
   last_work_ns_.store(now_ns, std::memory_order_relaxed);
 }
@@ -312,6 +316,7 @@ void Node::beat_thread() noexcept {
                                                              : rtbus::NodeState::kStarting);
     topics_->maintain();
     if (poses_) poses_->maintain();
+    if (const std::string failed = contact_topics_.maintain(); !failed.empty()) spdlog::warn("physics: {}", failed);
     if (round % kStatsEvery == 0) {
       publish_stats(false);
       warn_when_slow();

@@ -7,11 +7,13 @@
 /// slow engine and a dead process look different. Both are SCHED_OTHER: the hand's safety does not rest on this
 /// process.
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "physics_node/contact_topics.hpp"
 #include "physics_node/node_config.hpp"
 #include "physics_node/pose_publisher.hpp"
 #include "physics_node/stepper.hpp"
@@ -37,8 +39,8 @@ struct NodeFault {
 /// an engine slower than that falls behind the wall clock, and the step counts as late. Nor is it shorter than
 /// kShortestFreeStepNs: a faster engine waits. The step thread keeps off the CPUs of the haptic loops.
 ///
-/// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest;
-/// when it speaks again, the proxy starts anew at the target it names.
+/// The proxy of a haptic node that is silent for longer than kDeviceSilentNs lets go: it pulls and touches nothing.
+/// When the node speaks again, the proxy starts anew at the target it names.
 class Node {
  public:
   static constexpr std::uint64_t kDeviceSilentNs = 100'000'000;
@@ -71,6 +73,7 @@ class Node {
 
   NodeConfig config_;
   std::unique_ptr<Topics> topics_;
+  ContactTopics contact_topics_;
   std::unique_ptr<Stepper> stepper_;      // of the step thread once it runs
   std::unique_ptr<PosePublisher> poses_;  // null: nothing in this scene moves
   std::vector<std::uint64_t> heard_ns_;   // when each device last published; 0: never, or silence already noticed

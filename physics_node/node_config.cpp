@@ -43,6 +43,8 @@ PhysicsConfig read_physics_config(Map& map) {
   if (map.has("throttle_hz")) config.throttle_hz = map.number("throttle_hz", {0.5, 1000.0});
   config.substeps = static_cast<int>(map.integer("substeps", 1, 1000, config.substeps));
   config.solver_iterations = static_cast<int>(map.integer("solver_iterations", 1, 1000, config.solver_iterations));
+  config.contacts_always = map.choice("contacts", {"auto", "on"}, "auto") == "on";
+  if (map.has("contact_radius_m")) config.contact_radius_m = map.number("contact_radius_m", {1e-6, 10.0});
   if (config.throttle_hz && *config.throttle_hz > config.rate_hz) {
     map.fail("throttle_hz", "is above physics.rate_hz: a throttle slows the steps down; lower it or leave it out");
   }

@@ -26,12 +26,14 @@ enum class Pace : std::uint8_t {
 
 /// `physics:`
 struct PhysicsConfig {
-  std::string engine = "analytic";    ///< A row of engine_registry.cpp.
+  std::string engine = "analytic";  ///< A row of engine_registry.cpp.
   Pace pace = Pace::kFixed;
-  double rate_hz = 1000.0;            ///< Steps per second; throttled: 1/rate_hz is the longest part of a step; free: step.
-  std::optional<double> throttle_hz;  ///< Imitates a machine that manages only so many steps per second.
-  int substeps = 1;                   ///< Equal parts that each 1/rate_hz of simulated time is cut into.
-  int solver_iterations = 10;         ///< Of an engine that solves contacts by iteration; analytic does not.
+  double rate_hz = 1000.0;  ///< Steps per second; throttled: 1/rate_hz is the longest part of a step; free: step.
+  std::optional<double> throttle_hz;       ///< Imitates a machine that manages only so many steps per second.
+  int substeps = 1;                        ///< Equal parts that each 1/rate_hz of simulated time is cut into.
+  int solver_iterations = 10;              ///< Of an engine that solves contacts by iteration; analytic does not.
+  bool contacts_always = false;            ///< Publish contact constraints also when no force law asks for them.
+  std::optional<double> contact_radius_m;  ///< How far around the proxy they reach; none: Stepper::contact_radius_m().
 
   [[nodiscard]] EngineSettings engine_settings() const noexcept { return {solver_iterations}; }
   /// Simulated time of one step, which is also the period in which it happens; pace free: the longest [s].

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "physics_node/contact_message.hpp"
+
 namespace physics {
 namespace {
 
@@ -51,15 +53,33 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   link.connected = true;
   link.silent = false;
   link.enabled = device.enabled != 0;
+  link.wants_contacts = (device.wants & rtbus::kWantsContacts) != 0;
+  link.position_scale = device.position_scale;
   link.mapping_epoch = device.mapping_epoch;
   link.device_sequence = sequence;
   link.device_time_ns = device.sample_time_ns;
   if (begins) rebase(proxy);
 }
 
-void Stepper::hold_target(std::size_t proxy) {
-  links_.at(proxy).target.velocity_m_s.setZero();
-  links_.at(proxy).silent = true;
+void Stepper::release(std::size_t proxy) {
+  Link& link = links_.at(proxy);
+  if (!link.connected) return;
+  link.target.velocity_m_s.setZero();
+  link.silent = true;
+  link.wants_contacts = false;
+  world_->release_proxy(proxy);
+}
+
+double Stepper::contact_radius_m(std::size_t proxy) const {
+  const Link& link = links_.at(proxy);
+  const double speed_m_s = std::max({world_->proxy(proxy).velocity_m_s.norm(), link.target.velocity_m_s.norm(),
+                                     kHandSpeed_m_s * link.position_scale});
+  return std::max(kRestRadius_m * link.position_scale, 2.0 * step_s_ * speed_m_s);
+}
+
+void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {
+  world_->contacts(proxy, radius_m > 0.0 ? radius_m : contact_radius_m(proxy), contacts_);
+  fill_message(contacts_, answer(proxy), out);
 }
 
 void Stepper::step(double dt_s, int substeps) {
@@ -76,7 +96,7 @@ void Stepper::step(double dt_s, int substeps) {
   for (int part = 1; part <= substeps; ++part) {
     for (std::size_t i = 0; i < links_.size(); ++i) {
       const Link& link = links_[i];
-      if (!link.connected) continue;
+      if (!link.connected || link.silent) continue;
       ProxyTarget target = link.target;
       target.position_m = end_of(link);
       if (!link.enabled) target.velocity_m_s.setZero();  // nothing may drag a proxy that nobody feels

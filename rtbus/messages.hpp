@@ -31,8 +31,11 @@ struct DeviceState {
   std::uint32_t buttons = 0;                 ///< Bit i: button i.
   std::uint32_t mapping_epoch = 0;           ///< Grows when the mapping is re-based and each time forces are enabled.
   std::uint32_t enabled = 0;                 ///< 1 while forces may act.
-  std::uint32_t reserved = 0;
+  std::uint32_t wants = 0;                   ///< What the force law needs besides ProxyState: bits of DeviceWants.
 };
+
+/// Bits of DeviceState::wants.
+enum DeviceWants : std::uint32_t { kWantsContacts = 1u << 0 };  ///< ProxyContacts, contact_messages.hpp.
 
 /// `physics.proxy_state.<haptic>`, every physics step: where the world lets the tool be.
 struct ProxyState {
@@ -186,7 +189,7 @@ struct SampleTraits<DeviceState> {
                                       RTBUS_FIELD(T, buttons, "bits"),
                                       RTBUS_FIELD(T, mapping_epoch, "1"),
                                       RTBUS_FIELD(T, enabled, "bool"),
-                                      RTBUS_FIELD(T, reserved, "1")};
+                                      RTBUS_FIELD(T, wants, "bits")};
 };
 template <>
 struct SampleTraits<ProxyState> {

@@ -3,6 +3,7 @@
 /// The engine `bullet`: rigid bodies of any shape that move, stack, slide and sleep. Only files of this folder include
 /// Bullet; they make a module of their own (module.cpp).
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,10 @@ namespace physics::bullet {
 /// anything until something awake touches it. Where the scene names no threshold it is 6 % of √(g·e) and of 4.5 % of
 /// √(g/e), e being the body's shortest extent: 27 mm/s and 1 rad/s for 20 mm on earth. Without gravity nothing sleeps.
 ///
+/// Kinematic bodies. At the start of a step one is where its motion has it at that time, and moves with the mean velocity of
+/// the step: contacts are seen where they are, and carry along at that speed. One that stands still for a step lets its
+/// neighbours sleep, one that moves wakes them.
+///
 /// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
 /// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
 /// inertia of their bounding box; impacts slower than 2·g·h do not bounce.
@@ -39,9 +44,11 @@ class BulletWorld final : public World {
 
   std::size_t add_proxy(const ProxyParameters& parameters) override;
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
+  void release_proxy(std::size_t proxy) override;
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
+  void contacts(std::size_t proxy, double radius_m, ContactSet& out) const override;
   [[nodiscard]] std::size_t bodies() const noexcept override { return bodies_.size(); }
   [[nodiscard]] BodyPose body_pose(std::size_t body) const override;
   [[nodiscard]] std::size_t awake_bodies() const noexcept override;
@@ -52,8 +59,20 @@ class BulletWorld final : public World {
   struct SceneBody {
     std::shared_ptr<MadeShape> made;  // shared along a grid
     std::unique_ptr<btRigidBody> rigid;
+    double reach = 0.0;  ///< No point of it is farther from its centre of mass [units]; infinite of planes and meshes.
+  };
+  /// One that moves by itself.
+  struct MovingBody {
+    btRigidBody* rigid;
+    rtbus::config::Body body;
   };
   void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
+  void place_moving(double h);
+  [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
+  void find_contacts(const BulletProxy& proxy, double radius_m, FoundContacts& out) const;
+  void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
+  void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first,
+                   std::uint32_t row, ContactSet& out) const;
   void set_thresholds(const rtbus::config::Body& body, btRigidBody& rigid) const;
   [[nodiscard]] std::uint32_t contacts_of(const btRigidBody& body);
 
@@ -70,7 +89,10 @@ class BulletWorld final : public World {
   BulletSolver solver_;
   btDiscreteDynamicsWorld world_{&dispatcher_, &broadphase_, &solver_, &configuration_};
   std::vector<SceneBody> bodies_;
+  std::vector<MovingBody> moving_;
   std::vector<std::unique_ptr<BulletProxy>> proxies_;
+  double time_s_ = 0.0;  // simulated so far
+  double step_s_ = 1.0;  // the last step
 };
 
 }  // namespace physics::bullet

@@ -192,8 +192,83 @@ TEST_P(BulletSession, RunsTwiceInTheSameWayAndTouches) {
   EXPECT_LE(peak_n, 7.9 + 1e-9);
 }
 
+// The hand rests on a plate that rises by 10 mm: at every tick the law's force follows from where hand and proxy are, the
+// proxy goes with the plate, and the hand, which has a grip of its own, feels it come and go.
+TEST(MovingPlate, LiftsTheProxyAndTheForceFollowsTheLaw) {
+  auto settings = session("moving_plate.yaml");
+  Harness harness(settings, {});
+  double lowest_n = 1e9, highest_n = 0.0;
+  harness.run(3.9, {});  // start-up, and one stroke of the plate
+  harness.run(4.0, [&](const Telemetry& tick) {
+    const double t = static_cast<double>(tick.tick) * 1e-3;
+    const double plate_m = 0.005 * (1.0 - std::cos(2.0 * M_PI * 0.5 * (t - 2.0)));
+    // The mapping's offset is the proxy's radius: in D the proxy touches where the plate's face is.
+    ASSERT_NEAR(tick.proxy_position_m[1], plate_m, 2e-4) << t;
+    const double law_n = 300.0 * (tick.proxy_position_m[1] - tick.position_m[1]) +
+                         0.5 * (tick.proxy_velocity_m_s[1] - tick.velocity_m_s[1]);
+    ASSERT_NEAR(tick.rendered_force_n[1], law_n, 1e-9) << t;
+    lowest_n = std::min(lowest_n, tick.force_n[1]);
+    highest_n = std::max(highest_n, tick.force_n[1]);
+  });
+  EXPECT_GT(lowest_n, 0.2);
+  EXPECT_GT(highest_n - lowest_n, 0.8) << "10 mm against springs of 300 N/m in series";
+}
+
+// Both hands hold the block up: each force is what its own law says, the vertical parts carry the weight, the horizontal
+// ones squeeze and are equal.
+TEST(TwoHands, LiftTheBlockEachWithItsOwnForce) {
+  auto settings = session("two_hands.yaml");
+  Harness harness(settings, {});
+  ASSERT_EQ(harness.hands(), 2u);
+  Telemetry last[2];
+  double sum[2][2] = {};  // of the force on the block along x and y, mean of the last second
+  harness.run_all(6.0, {});
+  harness.run_all(1.0, [&](std::size_t hand, const Telemetry& tick) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      ASSERT_NEAR(tick.rendered_force_n[a],
+                  300.0 * (tick.proxy_position_m[a] - tick.position_m[a]) +
+                      0.5 * (tick.proxy_velocity_m_s[a] - tick.velocity_m_s[a]),
+                  1e-9);
+    }
+    for (std::size_t a = 0; a < 2; ++a) sum[hand][a] -= tick.rendered_force_n[a] * 1e-3;
+    last[hand] = tick;
+  });
+  const auto block = harness.stepper()->world().body_pose(1);
+  EXPECT_GT(block.position_m.y(), 0.02 + 0.010) << "it hangs in the air";
+  EXPECT_GT(sum[0][0], 1.0) << "squeezed";
+  EXPECT_NEAR(sum[0][0], -sum[1][0], 0.02 * sum[0][0]);
+  EXPECT_NEAR(sum[0][1] + sum[1][1], 0.1 * 9.81, 0.02) << "each newton of its weight is felt";
+  EXPECT_LT(norm(last[0].velocity_m_s), 2e-3);
+}
+
+TEST(TwoHands, TheOtherGoesOnWhenOneIsKilledAndTheDeadHandLetsGo) {
+  for (const char* throttle : {"null", "100"}) {
+    auto settings = session("two_hands.yaml", {std::string("physics.throttle_hz=") + throttle});
+    Harness harness(settings, {});
+    harness.run_all(6.0, {});
+    ASSERT_GT(harness.stepper()->world().body_pose(1).position_m.y(), 0.03) << throttle;
+    harness.kill(0);
+    std::size_t ticks = 0;
+    double before_n = -1.0, largest_step_n = 0.0;
+    harness.run_all(2.0, [&](std::size_t hand, const Telemetry& tick) {
+      ASSERT_EQ(hand, 1u);
+      ++ticks;
+      const double force_n = norm(tick.force_n);
+      if (before_n >= 0.0) largest_step_n = std::max(largest_step_n, std::abs(force_n - before_n));
+      before_n = force_n;
+    });
+    EXPECT_EQ(ticks, 2000u) << throttle;
+    EXPECT_LT(largest_step_n, 0.5) << throttle;
+    EXPECT_NEAR(harness.stepper()->world().body_pose(1).position_m.y(), 0.02, 2e-3) << "the block has fallen";
+    EXPECT_EQ(harness.stepper()->answer(0).coupling_force_n, (rtbus::Vec3{0, 0, 0}));
+    EXPECT_EQ(harness.stepper()->answer(0).contact_force_n, (rtbus::Vec3{0, 0, 0}));
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Shipped, BulletSession,
-                         testing::Values("stack_125", "stack_250", "stack_500", "free_block", "beads_mm", "mixed_sizes"),
+                         testing::Values("stack_125", "stack_250", "stack_500", "free_block", "beads_mm", "mixed_sizes",
+                                         "moving_plate", "two_hands"),
                          [](const auto& row) { return std::string(row.param); });
 #endif
 
