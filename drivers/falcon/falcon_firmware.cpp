@@ -204,7 +204,8 @@ rtbus::Result<FirmwareImage, std::string> load_firmware_image(const std::string&
   stream.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   bytes.resize(static_cast<std::size_t>(stream.gcount()));
   if (bytes.size() > kMaxFileBytes) {
-    return rtbus::Failure{std::string("is not a Falcon firmware: it is longer than 64 KiB (the known ones have about 8)")};
+    return rtbus::Failure{
+        std::string("is not a Falcon firmware: it is longer than 64 KiB (the known ones have about 8)")};
   }
   return make_firmware_image(std::move(bytes), file);
 }
@@ -218,7 +219,8 @@ std::string UploadAttempt::describe() const {
   std::array<char, 160> text{};
   if (usb == UsbStatus::kLost) return "it was unplugged";
   switch (stage) {
-    case UploadStage::kLineSetup: return "the USB chip refused the line settings";
+    case UploadStage::kLineSetup:
+      return "the USB chip refused the line settings";
     case UploadStage::kHandshake:
       return heard ? "it answers at 9600 baud, but not with what its loader says" : "it does not answer at 9600 baud";
     case UploadStage::kAutoBaud:
@@ -232,7 +234,8 @@ std::string UploadAttempt::describe() const {
                       echoed, static_cast<unsigned>(expected), static_cast<unsigned>(got), baud_hz);
       }
       return text.data();
-    case UploadStage::kDone: break;
+    case UploadStage::kDone:
+      break;
   }
   return "it took everything";
 }

@@ -3,9 +3,9 @@
 /// The Falcon has no flash: after every power-up the host loads its firmware through a serial boot loader. This file
 /// reads and recognises the user's firmware file and does the loading, with a reason for every way it can fail.
 ///
-/// The steps (README.md, "upload"): at 9600 baud a small processor answers "\nC\r" with "\nD,\r"; DTR low hands the line
-/// to the signal processor's boot ROM, which locks to the baud rate of an 'A', and echoes everything that follows, the
-/// boot stream, byte by byte.
+/// The steps (README.md, "upload"): at 9600 baud a small processor answers "\nC\r" with "\nD,\r"; DTR low hands the
+/// line to the signal processor's boot ROM, which locks to the baud rate of an 'A', and echoes everything that follows,
+/// the boot stream, byte by byte.
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -42,11 +42,11 @@ enum class UploadStage : std::uint8_t {
 /// What one attempt to load the firmware came to.
 struct UploadAttempt {
   UploadStage stage = UploadStage::kLineSetup;
-  bool heard = false;              ///< The device has sent at least one byte.
-  std::size_t echoed = 0;          ///< Bytes of the firmware whose echo was right.
-  int expected = -1;               ///< The byte sent where the echo differed; −1: the echo stopped.
-  int got = -1;                    ///< What came instead.
-  double baud_hz = 0.0;            ///< Of the boot ROM's line.
+  bool heard = false;                        ///< The device has sent at least one byte.
+  std::size_t echoed = 0;                    ///< Bytes of the firmware whose echo was right.
+  int expected = -1;                         ///< The byte sent where the echo differed; −1: the echo stopped.
+  int got = -1;                              ///< What came instead.
+  double baud_hz = 0.0;                      ///< Of the boot ROM's line.
   usb::UsbStatus usb = usb::UsbStatus::kOk;  ///< kLost and kStopping end everything.
 
   [[nodiscard]] std::string describe() const;  ///< "the echo differs at byte 620 (sent 0x41, got 0x40)"
@@ -57,11 +57,11 @@ struct UploadPatience {
   int attempts = 10;
   /// Attempts without a single byte from the device after which it counts as dead.
   int silent_attempts = 3;
-  double handshake_s = 1.2;        ///< For the right answer, per attempt [s].
-  double answer_s = 0.040;         ///< Per "\nC\r" [s]; the answer takes 7 ms and the latency timer 16.
-  double auto_baud_s = 0.5;        ///< For the echo of 'A' [s].
-  double echo_s = 0.5;             ///< For the echo of one chunk [s].
-  double first_pause_s = 0.05;     ///< Before the second attempt; doubles up to eight times that [s].
+  double handshake_s = 1.2;     ///< For the right answer, per attempt [s].
+  double answer_s = 0.040;      ///< Per "\nC\r" [s]; the answer takes 7 ms and the latency timer 16.
+  double auto_baud_s = 0.5;     ///< For the echo of 'A' [s].
+  double echo_s = 0.5;          ///< For the echo of one chunk [s].
+  double first_pause_s = 0.05;  ///< Before the second attempt; doubles up to eight times that [s].
   /// Slower lines for the boot ROM after two failures at the usual rate: TI warns of its baud detection above 100 kBd.
   bool slower_on_retry = true;
 };

@@ -1,0 +1,18 @@
+#include "drivers/falcon/falcon_config.hpp"
+
+#include <utility>
+
+#include "drivers/usb/open_options.hpp"
+
+namespace drivers::falcon {
+
+std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file) {
+  FalconFile read = read_settings(file);
+  usb::IoSettings io{.info = std::move(read.info)};
+  const usb::DeviceMatch match{.vendor_id = kVendorId, .product_id = kProductId};
+  return std::make_unique<usb::UsbDeviceConfig>(
+      std::move(io), match, usb::parse_open_options(file, "falcon"),
+      [settings = std::move(read.settings)] { return std::make_unique<FalconProtocol>(settings); });
+}
+
+}  // namespace drivers::falcon
