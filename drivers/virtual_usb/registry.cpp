@@ -2,12 +2,16 @@
 
 #include <vector>
 
+#include "drivers/virtual_usb/falcon/virtual_falcon.hpp"
+
 namespace drivers::virtual_usb {
 namespace {
 
 // A new virtual device is one row here: {"falcon", "Novint Falcon", &falcon::parse_virtual}.
 const std::vector<Kind>& rows() {
-  static const std::vector<Kind> all = {};
+  static const std::vector<Kind> all = {
+      {"falcon", "Novint Falcon, homes itself", &parse_virtual_falcon},
+  };
   return all;
 }
 
