@@ -80,7 +80,6 @@ void ask(SerialLine& line, const UploadPatience& patience, UploadAttempt& out) {
         out.stage = UploadStage::kAutoBaud;
         return;
       }
-      if (out.usb != UsbStatus::kOk && out.usb != UsbStatus::kTimeout) break;  // refused: ask anew
     }
   }
 }
@@ -101,7 +100,7 @@ void lock_baud(SerialLine& line, ftdi::Port& port, double baud_hz, const UploadP
   const std::uint64_t give_up_ns = line.now_ns() + seconds_to_ns(patience.auto_baud_s);
   if (out.usb == UsbStatus::kOk) out.usb = line.write(kLock, give_up_ns);
   std::vector<std::uint8_t> heard;
-  while (out.usb == UsbStatus::kOk || out.usb == UsbStatus::kTimeout) {
+  while (!ends_everything(out.usb)) {
     // One stray byte from the change of the rate may come first.
     if (!heard.empty() && heard.back() == kLock[0]) {
       out.stage = UploadStage::kEcho;
@@ -120,7 +119,7 @@ void send_image(SerialLine& line, const FirmwareImage& image, const UploadPatien
     out.usb = line.write(chunk, give_up_ns);
     echo.clear();
     while (echo.size() < chunk.size()) {
-      if (out.usb != UsbStatus::kOk && out.usb != UsbStatus::kTimeout) return;
+      if (ends_everything(out.usb)) return;
       const auto differs = std::mismatch(echo.begin(), echo.end(), chunk.begin());
       if (differs.first != echo.end()) break;
       if (line.now_ns() >= give_up_ns) break;

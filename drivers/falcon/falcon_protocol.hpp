@@ -8,7 +8,7 @@
 /// zero and the red light is on. Afterwards the grip's weight is compensated, growing over a second, and the green
 /// light is on.
 #include <array>
-#include <optional>
+#include <memory>
 #include <string>
 
 #include <Eigen/Core>
@@ -27,9 +27,9 @@ inline constexpr std::uint16_t kProductId = 0xCB48;
 
 /// Everything a Falcon is driven with. Keys: config/devices/falcon.yaml.
 struct FalconSettings {
-  std::optional<FirmwareImage> firmware;  ///< None: the Falcon must be running already.
-  bool force_upload = false;              ///< Load the firmware at start even when some is running.
-  bool never_probe = false;               ///< Do not ask whether some is running: always load.
+  std::shared_ptr<const FirmwareImage> firmware;  ///< Null: the Falcon must be running already.
+  bool force_upload = false;                      ///< Load the firmware at start even when some is running.
+  bool never_probe = false;                       ///< Do not ask whether some is running: always load.
   UploadPatience patience;
   Geometry geometry = geometries()[0];
   double command_gain = kGainMartinHillier;   ///< Counts per N·m of joint torque, calibration included.

@@ -38,13 +38,14 @@ void parse_firmware(Map& file, FalconSettings& settings) {
     if (!is_virtual) {
       file.fail("firmware", "is for virtual devices (usb: {virtual: …}); name your copy of the maker's file");
     }
-    settings.firmware = make_firmware_image(synthetic_boot_stream(kSyntheticBytes), "synthetic").value();
-    settings.firmware->known_as = "synthetic";
+    FirmwareImage image = make_firmware_image(synthetic_boot_stream(kSyntheticBytes), "synthetic").value();
+    image.known_as = "synthetic";
+    settings.firmware = std::make_shared<const FirmwareImage>(std::move(image));
     return;
   }
   auto image = load_firmware_image(file.existing_file("firmware"));
   if (!image) file.fail("firmware", image.error());
-  settings.firmware = std::move(*image);
+  settings.firmware = std::make_shared<const FirmwareImage>(std::move(*image));
 }
 
 void parse_geometry(Map& file, FalconSettings& settings) {

@@ -65,7 +65,9 @@ class FalconBoard {
   [[nodiscard]] std::uint64_t frames() const noexcept { return frames_; }              ///< Well-formed ones received.
   [[nodiscard]] std::uint64_t lost_replies() const noexcept { return lost_replies_; }  ///< By faults.
   [[nodiscard]] int uploads() const noexcept { return uploads_; }
-  Faults& faults() noexcept { return settings_.faults; }
+  /// May be changed at any time.
+  [[nodiscard]] Faults& faults() noexcept { return settings_.faults; }
+  [[nodiscard]] const Faults& faults() const noexcept { return settings_.faults; }
 
  private:
   [[nodiscard]] bool draw(double share);

@@ -189,7 +189,7 @@ bool VirtualFalcon::packet_due(std::uint64_t now_ns, std::size_t& bytes, std::ui
     return true;
   }
   retry_ns = std::min(timer_ns, now_ns + (event_enabled_ ? kAskAgainEventNs : kAskAgainNs));
-  return settings_.board.faults.status_flood;
+  return board_.faults().status_flood;
 }
 
 PacketReply VirtualFalcon::in_packet(std::uint8_t endpoint, std::uint64_t now_ns) {
@@ -203,7 +203,7 @@ PacketReply VirtualFalcon::in_packet(std::uint8_t endpoint, std::uint64_t now_ns
     out.reply = Reply::kNak;
     return out;
   }
-  const Faults& faults = settings_.board.faults;
+  const Faults& faults = board_.faults();
   if (faults.stall_in > 0.0 && static_cast<double>(random_() >> 11) * 0x1p-53 < faults.stall_in) {
     return {Reply::kStall, {}, 0};
   }

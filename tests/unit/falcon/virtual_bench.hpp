@@ -19,13 +19,16 @@ class FalconBench {
   using Law = std::function<Vec3(const DeviceSample&)>;
   static constexpr double kReplyTimeoutS = 0.008;  // as the I/O thread's
 
+  static std::shared_ptr<const falcon::FirmwareImage> synthetic(const std::string& known_as) {
+    falcon::FirmwareImage image = falcon::make_firmware_image(falcon::synthetic_boot_stream(8492), "mine.bin").value();
+    image.known_as = known_as;
+    return std::make_shared<const falcon::FirmwareImage>(std::move(image));
+  }
+
   explicit FalconBench(virtual_usb::VirtualFalconSettings device_settings = {}, falcon::FalconSettings settings = {},
                        virtual_usb::VirtualChannelOptions options = {})
       : device(std::move(device_settings)), channel(device, options) {
-    if (!settings.firmware) {
-      settings.firmware = falcon::make_firmware_image(falcon::synthetic_boot_stream(8492), "synthetic").value();
-      settings.firmware->known_as = "synthetic";
-    }
+    if (!settings.firmware) settings.firmware = synthetic("known");
     if (settings.firmware->bytes.empty()) settings.firmware.reset();
     protocol = std::make_unique<falcon::FalconProtocol>(std::move(settings));
   }
