@@ -65,6 +65,11 @@ std::size_t UrbQueue::pending() const noexcept {
   return count;
 }
 
+void UrbQueue::forget() {
+  for (auto& [address, line] : lines_) line.urbs.clear();
+  done_.clear();
+}
+
 void UrbQueue::unplug() {
   plugged_ = false;
   for (auto& [address, line] : lines_) {

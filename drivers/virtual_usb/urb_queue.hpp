@@ -66,6 +66,8 @@ class UrbQueue {
   [[nodiscard]] bool has_done() const noexcept { return !done_.empty(); }
   [[nodiscard]] std::size_t pending() const noexcept;
 
+  /// Forgets everything pending, without a word: whoever submitted it is gone.
+  void forget();
   /// Everything pending ends with kUrbGone, everything submitted later too.
   void unplug();
   /// Plugged in (again): halts forgotten, the device told by bus_reset(); it keeps its power and state.
