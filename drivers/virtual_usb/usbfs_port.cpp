@@ -158,6 +158,7 @@ std::string UsbfsPortImpl::kernel_driver(int interface) {
 void UsbfsPortImpl::locked(const std::function<void()>& change) {
   const std::lock_guard lock(mutex_);
   change();
+  queue_.poke(rtbus::monotonic_ns());
   pump(rtbus::monotonic_ns());
 }
 

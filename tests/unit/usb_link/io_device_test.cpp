@@ -286,6 +286,10 @@ TEST_F(IoDeviceTest, FetchFirstAnswersAFreshMeasurement) {
   int good = 0;
   for (int i = 0; i < 200; ++i) good += cycle({0.5, 0, 0}) == IoStatus::kOk;
   EXPECT_GT(good, 100);
+  std::printf("sample to wire p50 %.0f us p99 %.0f us\n",
+              1e-3 * static_cast<double>(device_->sample_to_wire().percentile(0.5)),
+              1e-3 * static_cast<double>(device_->sample_to_wire().percentile(0.99)));
+  EXPECT_GT(device_->sample_to_wire().count(), 100u);
   // Two exchanges per period.
   EXPECT_GT(device_->figures().protocol.exchanges, device_->sample_period().count() * 3 / 2);
 }
