@@ -9,6 +9,8 @@ namespace drivers::falcon {
 std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file) {
   FalconFile read = read_settings(file);
   usb::IoSettings io{.info = std::move(read.info)};
+  // A chip that answers at once would else hand over samples that wait for most of a period.
+  io.fetch_first = read.settings.event_character;
   const usb::DeviceMatch match{.vendor_id = kVendorId, .product_id = kProductId};
   return std::make_unique<usb::UsbDeviceConfig>(
       std::move(io), match, usb::parse_open_options(file, "falcon"),
