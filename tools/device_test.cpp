@@ -16,9 +16,9 @@
 #include "drivers/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/config/document.hpp"
-#include "tools/ask_kernel.hpp"
 #include "tools/command.hpp"
 #include "tools/interrupt.hpp"
+#include "tools/supervisor.hpp"
 
 namespace tools {
 
