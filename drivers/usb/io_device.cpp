@@ -226,7 +226,7 @@ IoDevice::Ended IoDevice::exchange(Channel& channel) noexcept {
     } else {
       due_ns = now_ns;
     }
-    due_ns += period_ns_;
+    due_ns += settings_.device_paces ? period_ns_ / 2 : period_ns_;
     switch (step(channel)) {
       case ExchangeStatus::kSample:
         break;

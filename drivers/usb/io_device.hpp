@@ -44,6 +44,9 @@ struct IoSettings {
   /// Fetch a measurement first in each period, by sending the last force once more, then answer it: two exchanges per
   /// period. For devices that answer much faster than the period, whose measurement would otherwise be a period old.
   bool fetch_first = false;
+  /// The device holds its answers back to a pace of its own (a serial chip's latency timer): send as soon as the force is
+  /// there, else it waits for a clock that has nothing to do with the device's. At most two exchanges per period.
+  bool device_paces = false;
   double reply_timeout_s = 0.008;  ///< A command without answer for so long is lost; the next one is sent [s].
   double lost_after_s = 0.25;      ///< Silence after which the connection is given up and opened anew [s].
   double max_force_wait = 0.5;     ///< Longest wait for the loop's force, as a share of the period.

@@ -50,6 +50,7 @@ class Desk {
     driver.event_character = event_character;
     usb::IoSettings io{.info = info()};
     io.fetch_first = event_character;
+    io.device_paces = !event_character;
     device = std::make_unique<usb::IoDevice>(
         io, usb::IoThread{}, [driver] { return std::make_unique<FalconProtocol>(driver); },
         [this](usb::StopFlag& stop) -> rtbus::Result<std::unique_ptr<usb::Channel>, DeviceFault> {
