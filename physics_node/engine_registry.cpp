@@ -75,9 +75,9 @@ std::unique_ptr<World> make_bullet(const Scene& scene, const EngineSettings& set
 
 constexpr EngineEntry kEngines[] = {
     {"analytic", "Exact contact with static planes, spheres and boxes",
-     "Bullet, moving bodies, soft bodies, body poses, contact constraints on the link", "", &make_analytic},
+     "Bullet, moving bodies, soft bodies, contact constraints on the link", "", &make_analytic},
     {"bullet", "Bullet: rigid bodies that move, stack and sleep",
-     "soft bodies, body poses, contact constraints on the link", "libphysics_bullet.so", &make_bullet},
+     "soft bodies, contact constraints on the link", "libphysics_bullet.so", &make_bullet},
 };
 
 }  // namespace

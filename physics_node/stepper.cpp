@@ -69,15 +69,20 @@ void Stepper::step(double dt_s, int substeps) {
     link.contact_force_n.setZero();
     link.contacts = 0;
   }
+  const auto end_of = [dt_s](const Link& link) -> Vector3d {
+    if (!link.enabled || link.config.lead_steps == 0.0) return link.target.position_m;
+    return link.target.position_m + link.config.lead_steps * dt_s * link.target.velocity_m_s;
+  };
   for (int part = 1; part <= substeps; ++part) {
     for (std::size_t i = 0; i < links_.size(); ++i) {
       const Link& link = links_[i];
       if (!link.connected) continue;
       ProxyTarget target = link.target;
+      target.position_m = end_of(link);
       if (!link.enabled) target.velocity_m_s.setZero();  // nothing may drag a proxy that nobody feels
       if (part < substeps) {
         const double done = static_cast<double>(part) / substeps;
-        target.position_m = link.previous_target_m + done * (link.target.position_m - link.previous_target_m);
+        target.position_m = link.previous_target_m + done * (target.position_m - link.previous_target_m);
       }
       world_->set_proxy_target(i, target);
     }
@@ -90,7 +95,7 @@ void Stepper::step(double dt_s, int substeps) {
       link.contacts = std::max(link.contacts, readout.contacts);
     }
   }
-  for (Link& link : links_) link.previous_target_m = link.target.position_m;
+  for (Link& link : links_) link.previous_target_m = end_of(link);
   step_s_ = dt_s;
   simulated_s_ += dt_s;
   ++steps_;

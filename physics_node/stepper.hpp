@@ -36,12 +36,17 @@ class Stepper {
   /// The same with another number of parts. During the step a target moves in a straight line from where it was at the
   /// end of the step before to where it is now: the proxy at the end of the step is the one that belongs to the device
   /// sample it answers, however long the step is. A proxy without a device yet stays where it is.
+  ///
+  /// With `lead_steps` the target is the device's position moved on by lead_steps·dt_s at its velocity. The loop that feels
+  /// the proxy has it a while later and meanwhile moves on; of a proxy that moves at v with the device it feels K·v·age
+  /// more than the world received. A lead as long as the mean age (0.5 steps, throttled 1.5) makes the two equal again.
   void step(double dt_s, int substeps);
 
   /// What became of the proxy in the last step. `step_compute_s` is left 0: this class measures nothing.
   [[nodiscard]] rtbus::ProxyState answer(std::size_t proxy) const;
 
   [[nodiscard]] std::size_t proxies() const noexcept { return links_.size(); }
+  [[nodiscard]] const ProxyConfig& proxy(std::size_t proxy) const { return links_[proxy].config; }
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   [[nodiscard]] double simulated_s() const noexcept { return simulated_s_; }
   [[nodiscard]] std::uint64_t ignored_states() const noexcept { return ignored_states_; }  ///< Not finite, or no scale.

@@ -76,6 +76,9 @@ class World {
   /// Bodies that can move and have not been put to rest: what a step costs goes with them.
   [[nodiscard]] virtual std::size_t awake_bodies() const noexcept = 0;
 
+  /// Contact points that the last step had to solve: the other part of its cost.
+  [[nodiscard]] virtual std::size_t solved_contacts() const noexcept = 0;
+
   /// What a user should know before steps of at most `longest_step_s` are taken: one sentence each, with the remedy.
   [[nodiscard]] virtual std::vector<std::string> warnings(double longest_step_s) const = 0;
 };

@@ -14,6 +14,8 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   RunPlan plan;
   plan.session = config.session;
   plan.scene = config.scene.name;
+  plan.supervise = config.supervise;
+  plan.world = config.scene;
   if (config.physics) plan.physics = physics::read_node_config(config);
   for (std::size_t i = 0; i < config.haptic.size(); ++i) plan.haptic.push_back(haptic::read_haptic_config(config, i));
 

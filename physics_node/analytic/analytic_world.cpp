@@ -100,4 +100,10 @@ void AnalyticWorld::step_proxy(Proxy& proxy, double h) const {
   if (swept.contacts > 0) state.contact_force_n = m * (v_next - v) / h - state.coupling_force_n;
 }
 
+std::size_t AnalyticWorld::solved_contacts() const noexcept {
+  std::size_t points = 0;
+  for (const Proxy& proxy : proxies_) points += proxy.state.contacts;
+  return points;
+}
+
 }  // namespace physics

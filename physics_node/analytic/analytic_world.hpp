@@ -43,6 +43,7 @@ class AnalyticWorld final : public World {
   [[nodiscard]] std::size_t bodies() const noexcept override { return shapes_.size(); }
   [[nodiscard]] BodyPose body_pose(std::size_t body) const override;
   [[nodiscard]] std::size_t awake_bodies() const noexcept override { return 0; }
+  [[nodiscard]] std::size_t solved_contacts() const noexcept override;
   [[nodiscard]] std::vector<std::string> warnings(double) const override { return {}; }
 
  private:

@@ -41,6 +41,9 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
   info.m_numIterations = settings.solver_iterations;
   info.m_solverMode |= SOLVER_RANDMIZE_ORDER;  // so spelt
   solver_.setRandSeed(kShuffleSeed);
+  info.m_splitImpulsePenetrationThreshold *= static_cast<btScalar>(kToleranceScale);
+  world_.getDispatchInfo().m_allowedCcdPenetration *= static_cast<btScalar>(kToleranceScale);
+  world_.setForceUpdateAllAabbs(false);  // what sleeps or is static has not moved
 
   // Bullet's own algorithm for two spheres makes no contact while they are apart, however little, and keeps the old one
   // with its old normal: a proxy that slides over a ball then lifts off along a tangent and drops back, 37 times a second.
@@ -161,6 +164,18 @@ std::size_t BulletWorld::awake_bodies() const noexcept {
   return static_cast<std::size_t>(std::count_if(bodies_.begin(), bodies_.end(), [](const SceneBody& body) {
     return !body.rigid->isStaticObject() && body.rigid->isActive();
   }));
+}
+
+std::size_t BulletWorld::solved_contacts() const noexcept {
+  std::size_t points = 0;
+  for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
+    const btPersistentManifold& manifold = *dispatcher_.getManifoldByIndexInternal(i);
+    const auto is_solved = [](const btCollisionObject* body) { return !body->isStaticOrKinematicObject() && body->isActive(); };
+    if (is_solved(manifold.getBody0()) || is_solved(manifold.getBody1())) {
+      points += static_cast<std::size_t>(manifold.getNumContacts());
+    }
+  }
+  return points;
 }
 
 std::uint32_t BulletWorld::contacts_of(const btRigidBody& body) {

@@ -8,13 +8,14 @@
 
 #include "physics_node/bullet/bullet_proxy.hpp"
 #include "physics_node/bullet/bullet_shapes.hpp"
+#include "physics_node/bullet/bullet_solver.hpp"
 #include "physics_node/engine_module.hpp"
 
 namespace physics::bullet {
 
 /// Lengths are scaled by the smallest body that moves (length_scale()). Contacts are solved by sequential impulses in
 /// random order, which makes stacks creep ten times less than a fixed one; the shuffle is seeded per world, so that two
-/// runs of a scene are bit-identical. Bodies that overlap are pushed apart, by Bullet's defaults: deeper than 0.04 units as
+/// runs of a scene are bit-identical. Bodies that overlap are pushed apart, by Bullet's defaults: deeper than a fifteenth of the smallest body as
 /// a displacement, which gives no body and no hand any speed; less deep through the velocity. (As a displacement at any
 /// depth, stacks crept two to twenty times as far, and ten layers fell over at 2 ms.)
 ///
@@ -24,8 +25,7 @@ namespace physics::bullet {
 ///
 /// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
 /// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
-/// inertia of their bounding box; impacts slower than 2·g·h do not bounce, and others bounce up to a third higher than their
-/// restitution says, because the depth reached in the step of the impact is pushed out through the velocity.
+/// inertia of their bounding box; impacts slower than 2·g·h do not bounce.
 class BulletWorld final : public World {
  public:
   static constexpr double kSmallestRadius = 0.05;
@@ -45,6 +45,7 @@ class BulletWorld final : public World {
   [[nodiscard]] std::size_t bodies() const noexcept override { return bodies_.size(); }
   [[nodiscard]] BodyPose body_pose(std::size_t body) const override;
   [[nodiscard]] std::size_t awake_bodies() const noexcept override;
+  [[nodiscard]] std::size_t solved_contacts() const noexcept override;
   [[nodiscard]] std::vector<std::string> warnings(double longest_step_s) const override;
 
  private:
@@ -66,7 +67,7 @@ class BulletWorld final : public World {
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_{&configuration_};
   btDbvtBroadphase broadphase_;
-  btSequentialImpulseConstraintSolver solver_;
+  BulletSolver solver_;
   btDiscreteDynamicsWorld world_{&dispatcher_, &broadphase_, &solver_, &configuration_};
   std::vector<SceneBody> bodies_;
   std::vector<std::unique_ptr<BulletProxy>> proxies_;

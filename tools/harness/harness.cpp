@@ -51,6 +51,7 @@ void Harness::step_physics(std::uint64_t begin_ns) {
   rtbus::Stamped<rtbus::ProxyState> answer;
   answer.value = stepper_->answer(0);
   answer.sequence = ++proxies_sent_;
+  if (step_observer_) step_observer_(answer.value);
   const std::uint64_t published_ns = physics_->throttle_hz ? begin_ns + to_ns(physics_->step_s()) : begin_ns;
   answer.stamp_ns = published_ns + to_ns(options_.latency_s);
   under_way_.push_back(answer);

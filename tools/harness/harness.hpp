@@ -31,6 +31,7 @@ struct HarnessOptions {
 class Harness {
  public:
   using Observer = std::function<void(const rtbus::Telemetry&)>;
+  using StepObserver = std::function<void(const rtbus::ProxyState&)>;
 
   /// @param session Is consumed: its node maps are read. Throws rtbus::config::Error; std::runtime_error when the
   /// device cannot be opened (`process: own` has no place here).
@@ -39,10 +40,15 @@ class Harness {
   /// Simulates `duration_s` more and shows each cycle to `observer`.
   void run(double duration_s, const Observer& observer);
 
+  /// From now on `observer` sees the answer of each physics step, when it is made (not when it arrives).
+  void observe_steps(StepObserver observer) { step_observer_ = std::move(observer); }
+
   [[nodiscard]] double now_s() const noexcept;  ///< Simulated time since the start.
   [[nodiscard]] const haptic::HapticConfig& config() const noexcept { return config_; }
   [[nodiscard]] rtbus::LoopStats stats() const { return loop_->stats(); }
   [[nodiscard]] const rtbus::DeviceState& device_state() const noexcept { return loop_->device_state(); }
+  /// The physics side, to look at; null when the law needs none.
+  [[nodiscard]] const physics::Stepper* stepper() const noexcept { return stepper_.get(); }
   /// FNV-1a over every cycle's telemetry so far: the fingerprint of a run.
   [[nodiscard]] std::uint64_t hash() const noexcept { return hash_; }
 
@@ -77,6 +83,7 @@ class Harness {
   std::unique_ptr<drivers::Device> device_;
   Link link_;
   std::unique_ptr<haptic::Loop> loop_;
+  StepObserver step_observer_;
   std::deque<rtbus::Stamped<rtbus::ProxyState>> under_way_;  ///< stamp_ns: when it arrives.
   std::uint64_t now_ns_;
   std::uint64_t next_tick_ns_;

@@ -56,6 +56,23 @@ TEST(Stepper, PutsTheProxyOntoTheFirstTarget) {
   EXPECT_EQ(state.coupling_force_n, (rtbus::Vec3{0, 0, 0}));
 }
 
+// A device in steady motion: the proxy is where the device will be, with no force between them, whatever the parts.
+TEST(Stepper, LeadsTheDeviceBySoManySteps) {
+  for (const int parts : {1, 10}) {
+    ProxyConfig config = proxy_config();
+    config.lead_steps = 1.5;
+    Stepper stepper = floor_stepper(parts, config);
+    for (int i = 0; i < 200; ++i) {
+      rtbus::DeviceState device = device_at(0.03 * i * 0.01, 0.1);
+      device.target_velocity_m_s = {0.03, 0, 0};
+      stepper.set_device(0, device, 1 + i);
+      stepper.step(0.01);
+    }
+    EXPECT_NEAR(stepper.answer(0).position_m[0], 0.03 * (199 + 1.5) * 0.01, 1e-9) << parts;
+    EXPECT_NEAR(stepper.answer(0).coupling_force_n[0], 0.0, 1e-6) << parts;
+  }
+}
+
 TEST(Stepper, AnswersWithWhatItWasTold) {
   Stepper stepper = floor_stepper();
   rtbus::DeviceState device = device_at(0, 0.1);
