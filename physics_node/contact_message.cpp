@@ -10,8 +10,7 @@ static_assert(kMaxContacts == rtbus::kContactSlots && kMaxSupports == rtbus::kSu
 rtbus::Vec3 array_of(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 rtbus::Symmetric3 array_of(const Eigen::Matrix3d& m) {
-  return {m(0, 0), 0.5 * (m(0, 1) + m(1, 0)), 0.5 * (m(0, 2) + m(2, 0)),
-          m(1, 1), 0.5 * (m(1, 2) + m(2, 1)), m(2, 2)};
+  return {m(0, 0), 0.5 * (m(0, 1) + m(1, 0)), 0.5 * (m(0, 2) + m(2, 0)), m(1, 1), 0.5 * (m(1, 2) + m(2, 1)), m(2, 2)};
 }
 
 void fill_head(const ContactSet& set, const rtbus::ProxyState& proxy, rtbus::ProxyContacts& out) {

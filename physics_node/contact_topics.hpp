@@ -26,7 +26,8 @@ class ContactTopics {
   /// Publishes for each device that wants it, or for all. A topic that is missing yet is asked for. Step thread.
   void publish(Stepper& stepper, std::uint64_t now_ns) noexcept;
 
-  /// Creates what publish() asked for. @returns what failed, in one sentence and once for each topic, or "". Other thread.
+  /// Creates what publish() asked for. @returns what failed, in one sentence and once for each topic, or "". Other
+  /// thread.
   [[nodiscard]] std::string maintain();
 
   /// A topic exists. Any thread.
