@@ -211,7 +211,25 @@ void IoDevice::run() noexcept {
     back_off_ns = std::min(2 * back_off_ns, kLongestBackOffNs);
   }
   report_first(false, "stopped before the device was brought up");
+  tell_figures();
   set_state(LinkState::kStopped);
+}
+
+void IoDevice::tell_figures() {
+  const LinkFigures link = figures();
+  if (link.protocol.exchanges == 0) return;
+  const auto us = [](std::uint64_t ns) { return 1e-3 * static_cast<double>(ns); };
+  char text[320];
+  std::snprintf(
+      text, sizeof text,
+      "USB: %llu exchanges, %llu without answer, %llu bad frames, %llu late forces, %llu losses; sample to wire "
+      "p50 %.0f us, p99 %.0f us; period p50 %.0f us, p99 %.0f us",
+      static_cast<unsigned long long>(link.protocol.exchanges), static_cast<unsigned long long>(link.silences),
+      static_cast<unsigned long long>(link.protocol.bad_frames), static_cast<unsigned long long>(link.late_forces),
+      static_cast<unsigned long long>(link.losses), us(sample_to_wire_ns_.percentile(0.5)),
+      us(sample_to_wire_ns_.percentile(0.99)), us(sample_period_ns_.percentile(0.5)),
+      us(sample_period_ns_.percentile(0.99)));
+  tell(text);
 }
 
 IoDevice::Ended IoDevice::exchange(Channel& channel) noexcept {

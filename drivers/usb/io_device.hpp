@@ -96,7 +96,8 @@ class IoDevice final : public Device {
   [[nodiscard]] std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING override {
     return clamped_.load(std::memory_order_relaxed);
   }
-  /// What changed since the last call, as one sentence for the user; empty: nothing. @realtime No.
+  /// What changed since the last call, as one sentence for the user; empty: nothing. After stop(): how the link was.
+  /// @realtime No.
   [[nodiscard]] std::string take_notice() override;
 
   /// Zero force within Protocol::shut_down(), then the thread is joined. Bounded: an exchange in flight ends at its
@@ -134,6 +135,7 @@ class IoDevice final : public Device {
   void set_state(LinkState state) noexcept;
   void publish_counters() noexcept;
   void tell(std::string text);
+  void tell_figures();  ///< The last notice: how the link was.
   void report_first(bool ok, std::string message);
 
   const IoSettings settings_;

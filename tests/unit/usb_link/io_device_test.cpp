@@ -273,6 +273,7 @@ TEST_F(IoDeviceTest, StopLeavesZeroForceAndMayBeFollowedByStart) {
   device_->stop();
   EXPECT_EQ(force()[0], 0.0);
   EXPECT_EQ(shut_downs_.load(), 1);
+  EXPECT_THAT(device_->take_notice(), HasSubstr("sample to wire p50"));
   EXPECT_EQ(device_->read(rtbus::monotonic_ns(), sample_), IoStatus::kLost);
   start();
   EXPECT_TRUE(eventually(5.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk; }));
