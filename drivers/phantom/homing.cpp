@@ -32,12 +32,12 @@ bool Homing::near_zero(const Counts& counts) const noexcept {
   return true;
 }
 
-bool Homing::jumped(std::uint64_t now_ns, const Counts& counts) const noexcept {
-  const double dt_s = now_ns > last_ns_ ? static_cast<double>(now_ns - last_ns_) * 1e-9 : 0.0;
+bool Homing::jumped(const Seen& from, const Seen& to) const noexcept {
+  const double dt_s = to.time_ns > from.time_ns ? static_cast<double>(to.time_ns - from.time_ns) * 1e-9 : 0.0;
   const double most_rad =
       kAnyStepRad + kShortRadS * std::min(dt_s, kShortS) + kLongRadS * std::max(0.0, dt_s - kShortS);
   for (std::size_t i = 0; i < 3; ++i) {
-    if (gap(counts, last_, i) > most_rad * counts_per_rad_[static_cast<int>(i)]) return true;
+    if (gap(to.counts, from.counts, i) > most_rad * counts_per_rad_[static_cast<int>(i)]) return true;
   }
   return false;
 }
@@ -69,8 +69,8 @@ void Homing::begin(std::uint64_t now_ns, const Counts& counts) noexcept RTBUS_NO
     wait_for(mode_ == HomingMode::kButton ? Waits::kForButton : Waits::kForHome);
   }
   impossible_ = 0;
-  last_ = counts;
-  last_ns_ = now_ns;
+  last_ = {counts, now_ns};
+  suspicious_ = false;
   if (!homed_ && waits_ == Waits::kForHome && near_zero(counts)) {
     holding_ = true;
     hold_since_ns_ = now_ns;
@@ -81,13 +81,18 @@ void Homing::pressed(std::uint64_t now_ns, const Counts& counts) noexcept RTBUS_
   wait_for(Waits::kForButton);
   holding_ = true;
   hold_since_ns_ = now_ns;
-  last_ = counts;
-  last_ns_ = now_ns;
+  last_ = {counts, now_ns};
+  suspicious_ = false;
 }
 
-bool Homing::update(std::uint64_t now_ns, const Counts& counts, bool possible) noexcept RTBUS_NONBLOCKING {
+Homing::Verdict Homing::update(std::uint64_t now_ns, const Counts& counts, bool possible) noexcept RTBUS_NONBLOCKING {
   const bool home = near_zero(counts);
-  if (jumped(now_ns, counts)) {
+  const Seen seen{counts, now_ns};
+  if (jumped(last_, seen)) {
+    const bool again = suspicious_ && !jumped(suspect_, seen);
+    suspect_ = seen;
+    suspicious_ = true;
+    if (!again) return Verdict::kGlitch;
     // Onto zero: the button. Elsewhere: the counters cannot be believed.
     wait_for(home ? Waits::kForButton : Waits::kJumped);
     holding_ = home;
@@ -108,10 +113,10 @@ bool Homing::update(std::uint64_t now_ns, const Counts& counts, bool possible) n
   }
   impossible_ = possible ? 0 : std::min(impossible_ + 1, kImpossiblePoses);
   if (homed_ && impossible_ == kImpossiblePoses) wait_for(Waits::kImpossible);
-  last_ = counts;
-  last_ns_ = now_ns;
+  last_ = {counts, now_ns};
+  suspicious_ = false;
   if (homed_) believed_ = counts;
-  return homed_;
+  return homed_ ? Verdict::kHomed : Verdict::kNotHomed;
 }
 
 std::string Homing::remedy() const {

@@ -41,8 +41,14 @@ class Homing {
   /// A connection begins; `counts` is its first answer.
   void begin(std::uint64_t now_ns, const Counts& counts) noexcept RTBUS_NONBLOCKING;
 
-  /// Each later answer. @param possible The linkage can have this pose. @returns homed().
-  bool update(std::uint64_t now_ns, const Counts& counts, bool possible) noexcept RTBUS_NONBLOCKING;
+  enum class Verdict : std::uint8_t {
+    kHomed,
+    kNotHomed,
+    kGlitch,  ///< Counters that no arm can have reached. Alone they are a damaged answer; a second one makes it a jump.
+  };
+
+  /// Each later answer. @param possible The linkage can have this pose.
+  Verdict update(std::uint64_t now_ns, const Counts& counts, bool possible) noexcept RTBUS_NONBLOCKING;
 
   /// The firmware's own word that its button was pressed just now (it showed no counters before).
   void pressed(std::uint64_t now_ns, const Counts& counts) noexcept RTBUS_NONBLOCKING;
@@ -58,7 +64,11 @@ class Homing {
   enum class Waits : std::uint8_t { kForHome, kForButton, kPowerLost, kJumped, kImpossible };
 
   [[nodiscard]] bool near_zero(const Counts& counts) const noexcept;
-  [[nodiscard]] bool jumped(std::uint64_t now_ns, const Counts& counts) const noexcept;
+  struct Seen {
+    Counts counts{};
+    std::uint64_t time_ns = 0;
+  };
+  [[nodiscard]] bool jumped(const Seen& from, const Seen& to) const noexcept;
   void wait_for(Waits what) noexcept;
 
   HomingMode mode_;
@@ -72,9 +82,10 @@ class Homing {
   bool holding_ = false;  ///< Near zero since hold_since_ns_, for a reason that counts.
   std::uint64_t hold_since_ns_ = 0;
   int impossible_ = 0;
-  Counts last_{};
-  Counts believed_{};  ///< The last counters while homed.
-  std::uint64_t last_ns_ = 0;
+  Seen last_;
+  Seen suspect_;
+  bool suspicious_ = false;  ///< The last answer was suspect_.
+  Counts believed_{};        ///< The last counters while homed.
 };
 
 }  // namespace drivers::phantom

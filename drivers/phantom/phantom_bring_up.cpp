@@ -1,7 +1,9 @@
 // PhantomProtocol::bring_up(): from a freshly opened serial device to an arm that answers, with a reason at each failure.
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <string>
+#include <utility>
 
 #include "drivers/phantom/phantom_protocol.hpp"
 #include "rtbus/clock.hpp"
@@ -19,10 +21,10 @@ constexpr std::uint64_t kQuietNs = 10 * kMs;
 constexpr std::uint64_t kDrainNs = 300 * kMs;
 constexpr int kProbes = 6;
 
-Failure<DeviceFault> fault(std::string text) { return Failure{DeviceFault{std::move(text)}}; }
+Failure<DeviceFault> failed(std::string text) { return Failure{DeviceFault{std::move(text)}}; }
 
-Failure<DeviceFault> gone() { return fault("was unplugged while it was being brought up; plug it in again"); }
-Failure<DeviceFault> stopped() { return fault("was stopped while it was being brought up"); }
+Failure<DeviceFault> gone() { return failed("was unplugged while it was being brought up; plug it in again"); }
+Failure<DeviceFault> stopped() { return failed("was stopped while it was being brought up"); }
 
 }  // namespace
 
@@ -30,7 +32,6 @@ Outcome PhantomProtocol::bring_up(usb::Channel& channel) {
   owed_ = false;
   abandoned_ = false;
   withhold_ = true;
-  begun_ = false;
   calibration_pending_ = false;
   echoes_missed_ = 0;
   wrong_model_ = 0;
@@ -40,10 +41,7 @@ Outcome PhantomProtocol::bring_up(usb::Channel& channel) {
     Outcome done = (this->*step)(channel);
     if (!done) return done;
   }
-  if (!calibration_pending_) {
-    homing_->begin(channel.now_ns(), reply_.arm);
-    begun_ = true;
-  }
+  if (!calibration_pending_) homing_->begin(channel.now_ns(), reply_.arm);
   return {};
 }
 
@@ -62,7 +60,7 @@ Outcome PhantomProtocol::set_line(usb::Channel& channel) {
     case UsbStatus::kStopping:
       return stopped();
     default:
-      return fault("does not take the settings of a serial line; it is no PHANToM-class controller, or hangs: re-plug it");
+      return failed("does not take the settings of a serial line; it is no PHANToM-class controller, or hangs: re-plug it");
   }
 }
 
@@ -70,14 +68,16 @@ Outcome PhantomProtocol::drain(usb::Channel& channel) {
   std::array<std::uint8_t, 4096> buffer;
   const std::size_t size = std::min(channel.read_size(), buffer.size());
   const std::uint64_t end_ns = channel.now_ns() + kDrainNs;
+  std::uint64_t quiet_ns = channel.now_ns() + kQuietNs;  // reached without a byte: drained
   while (channel.now_ns() < end_ns) {
     std::size_t got = 0;
-    const UsbStatus status = channel.read({buffer.data(), size}, got, channel.now_ns() + kQuietNs);
-    if (status == UsbStatus::kTimeout) return {};
+    const UsbStatus status = channel.read({buffer.data(), size}, got, quiet_ns);
     if (status == UsbStatus::kLost) return gone();
     if (status == UsbStatus::kStopping) return stopped();
+    if (channel.now_ns() >= quiet_ns) return {};
+    if (status == UsbStatus::kOk && got > 0) quiet_ns = channel.now_ns() + kQuietNs;
   }
-  return fault("sends without being asked; it is another Teensy program: check `serial` in the device file");
+  return failed("sends without being asked; it is another Teensy program: check `serial` in the device file");
 }
 
 PhantomProtocol::Got PhantomProtocol::ask(usb::Channel& channel, const CurrentsMa& currents_ma) {
@@ -115,20 +115,20 @@ Outcome PhantomProtocol::probe(usb::Channel& channel) {
   }
   if (good < 2) {
     if (answered && find_model(model) == nullptr) {
-      return fault("answers as model " + std::to_string(model) +
+      return failed("answers as model " + std::to_string(model) +
                    ", which this driver does not know (1 Polhem, 2 Vintage PHANToM, 3 WoodenHaptics)");
     }
-    if (answered) return fault("refuses the probe command (" + describe_errors(errors) + "); re-plug it");
+    if (answered) return failed("refuses the probe command (" + describe_errors(errors) + "); re-plug it");
     if (decoder_.garbage() != garbage_before || counters_.bad_frames != bad_before) {
-      return fault("answers, but not in the bracket protocol; every Teensy program has these USB ids: check `serial` in "
+      return failed("answers, but not in the bracket protocol; every Teensy program has these USB ids: check `serial` in "
                    "the device file");
     }
-    return fault("does not answer; every Teensy program has these USB ids: check `serial` in the device file, then the "
+    return failed("does not answer; every Teensy program has these USB ids: check `serial` in the device file, then the "
                  "controller's firmware and power");
   }
   if (model != static_cast<int>(settings_.model.id)) {
     const Model* const found = find_model(model);
-    return fault("is a " + std::string(found->name) + " (model " + std::to_string(model) + "), the device file says " +
+    return failed("is a " + std::string(found->name) + " (model " + std::to_string(model) + "), the device file says " +
                  std::string(settings_.model.key) + "; set model: " + std::string(found->key));
   }
   answered_ns_ = channel.now_ns();

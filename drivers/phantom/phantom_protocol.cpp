@@ -16,8 +16,7 @@ using usb::UsbStatus;
 constexpr std::uint64_t kMs = rtbus::kNsPerMs;
 // Where two answers may be under way, the newer one is waited for so long.
 constexpr std::uint64_t kGraceNs = 1 * kMs;
-// A device that sends nothing useful as fast as it can must not hold the thread until its deadline.
-constexpr int kMostReads = 64;
+// A device that stalls each time must not keep the thread busy until its deadline.
 constexpr int kMostFailedReads = 8;
 // So many answers of another model: the device was exchanged.
 constexpr int kWrongModels = 3;
@@ -51,7 +50,7 @@ PhantomProtocol::Got PhantomProtocol::next_reply(usb::Channel& channel, std::uin
   const std::size_t size = std::min(channel.read_size(), buffer.size());
   bool found = false;
   int failed = 0;
-  for (int reads = 0; reads < kMostReads; ++reads) {
+  for (;;) {
     std::size_t got = 0;
     const UsbStatus status = channel.read({buffer.data(), size}, got, deadline_ns);
     if (status == UsbStatus::kLost) {
@@ -150,52 +149,50 @@ ExchangeStatus PhantomProtocol::receive(usb::Channel& channel, DeviceSample& out
 }
 
 ExchangeStatus PhantomProtocol::measure(std::uint64_t now_ns, DeviceSample& out) noexcept {
+  if (calibration_pending_) {
+    withhold_ = true;
+    watch_calibration(now_ns);
+  } else {
+    const JointAngles angles = kinematics_.angles(reply_.arm);
+    ArmPose pose;
+    const bool possible = kinematics_.forward(angles, pose);
+    const auto verdict = homing_->update(now_ns, reply_.arm, possible);
+    withhold_ = !possible || verdict != Homing::Verdict::kHomed;
+    // While homed an impossible pose is no measurement; the last one stays.
+    if (!possible) ++impossible_poses_;
+    if (verdict == Homing::Verdict::kGlitch || (verdict == Homing::Verdict::kHomed && !possible)) {
+      ++counters_.bad_frames;
+      return ExchangeStatus::kNothing;
+    }
+    if (possible) {
+      angles_ = angles;
+      pose_ = pose;
+      take_pose();
+    }
+  }
   answered_ns_ = now_ns;
   ++counters_.exchanges;
   sample_.time_ns = now_ns;
-  if (calibration_pending_) {
-    withhold_ = true;
-    watch_calibration();
-    out = sample_;
-    return ExchangeStatus::kSample;
-  }
-  const JointAngles angles = kinematics_.angles(reply_.arm);
-  const bool possible = kinematics_.forward(angles, pose_);
-  const bool was_homed = homing_->homed();
-  if (!std::exchange(begun_, true)) homing_->begin(now_ns, reply_.arm);
-  const bool homed = homing_->update(now_ns, reply_.arm, possible);
-  withhold_ = !possible || !homed;
-  if (possible) {
-    angles_ = angles;
-    sample_.position_m = {pose_.position_m.x(), pose_.position_m.y(), pose_.position_m.z()};
-    if (settings_.model.gimbal != GimbalKind::kNone && (reply_.errors & kGimbalErrors) == 0) {
-      std::array<double, 3> gimbal = kinematics_.gimbal_angles(reply_.gimbal);
-      for (std::size_t i = 0; i < 3; ++i) {
-        gimbal[i] = settings_.gimbal_sign[i] * (gimbal[i] - settings_.gimbal_zero_rad[i]);
-      }
-      const Quat q = kinematics_.orientation(angles[0], pose_.elevation_rad, gimbal);
-      sample_.orientation_wxyz = continuous(q, sample_.orientation_wxyz);
-    }
-  } else {
-    ++impossible_poses_;
-    ++counters_.bad_frames;
-    // The last pose stays; while homed there is no measurement, else the user sees that it is not homed.
-    if (was_homed && homed) {
-      --counters_.exchanges;
-      return ExchangeStatus::kNothing;
-    }
-  }
   out = sample_;
   return ExchangeStatus::kSample;
 }
 
-void PhantomProtocol::watch_calibration() noexcept {
+void PhantomProtocol::take_pose() noexcept {
+  sample_.position_m = {pose_.position_m.x(), pose_.position_m.y(), pose_.position_m.z()};
+  // A sensor that does not answer leaves the orientation where it was.
+  if (settings_.model.gimbal == GimbalKind::kNone || (reply_.errors & kGimbalErrors) != 0) return;
+  std::array<double, 3> gimbal = kinematics_.gimbal_angles(reply_.gimbal);
+  for (std::size_t i = 0; i < 3; ++i) gimbal[i] = settings_.gimbal_sign[i] * (gimbal[i] - settings_.gimbal_zero_rad[i]);
+  const Quat q = kinematics_.orientation(angles_[0], pose_.elevation_rad, gimbal);
+  sample_.orientation_wxyz = continuous(q, sample_.orientation_wxyz);
+}
+
+void PhantomProtocol::watch_calibration(std::uint64_t now_ns) noexcept {
   // The firmware echoes the command in e1 until its button was pressed.
   echoes_missed_ = reply_.arm[1] == echo_ma_ ? 0 : echoes_missed_ + 1;
   if (echoes_missed_ < 2) return;
   calibration_pending_ = false;  // true counters from here on
-  homing_->pressed(answered_ns_, reply_.arm);
-  begun_ = true;
+  homing_->pressed(now_ns, reply_.arm);
 }
 
 void PhantomProtocol::shut_down(usb::Channel& channel) noexcept {

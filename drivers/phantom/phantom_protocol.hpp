@@ -70,7 +70,8 @@ class PhantomProtocol final : public usb::Protocol {
   [[nodiscard]] Got next_reply(usb::Channel& channel, std::uint64_t deadline_ns) noexcept;
   [[nodiscard]] CurrentsMa currents_for(const Vec3& force_n) noexcept;
   [[nodiscard]] usb::ExchangeStatus measure(std::uint64_t now_ns, DeviceSample& out) noexcept;
-  void watch_calibration() noexcept;
+  void take_pose() noexcept;
+  void watch_calibration(std::uint64_t now_ns) noexcept;
 
   PhantomSettings settings_;
   Kinematics kinematics_;
@@ -86,7 +87,6 @@ class PhantomProtocol final : public usb::Protocol {
   bool abandoned_ = false;         ///< The answer to an abandoned command may still come.
   CurrentsMa sent_ma_{};
   bool withhold_ = true;           ///< The last answer justifies no force.
-  bool begun_ = false;             ///< Homing has seen the first answer of this connection.
 
   ArmPose pose_;
   JointAngles angles_ = JointAngles::Zero();
