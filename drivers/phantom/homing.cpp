@@ -6,8 +6,8 @@
 namespace drivers::phantom {
 namespace {
 
-// No arm turns faster for the length of an exchange (5 m/s at 0.1 m), nor for longer than kShortS faster than a hand.
-constexpr double kShortRadS = 50.0;
+// No arm turns faster for the length of an exchange (3 m/s at 0.1 m), nor for longer than kShortS faster than a hand.
+constexpr double kShortRadS = 30.0;
 constexpr double kLongRadS = 8.0;
 constexpr double kShortS = 0.020;
 constexpr double kAnyStepRad = 0.05;
@@ -88,7 +88,8 @@ void Homing::pressed(std::uint64_t now_ns, const Counts& counts) noexcept RTBUS_
 Homing::Verdict Homing::update(std::uint64_t now_ns, const Counts& counts, bool possible) noexcept RTBUS_NONBLOCKING {
   const bool home = near_zero(counts);
   const Seen seen{counts, now_ns};
-  if (jumped(last_, seen)) {
+  // Time that passed since a suspicious answer must not excuse it.
+  if (jumped(last_, {counts, suspicious_ ? suspect_.time_ns : now_ns})) {
     const bool again = suspicious_ && !jumped(suspect_, seen);
     suspect_ = seen;
     suspicious_ = true;

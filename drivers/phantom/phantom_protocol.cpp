@@ -189,8 +189,10 @@ void PhantomProtocol::take_pose() noexcept {
 
 void PhantomProtocol::watch_calibration(std::uint64_t now_ns) noexcept {
   // The firmware echoes the command in e1 until its button was pressed.
-  echoes_missed_ = reply_.arm[1] == echo_ma_ ? 0 : echoes_missed_ + 1;
-  if (echoes_missed_ < 2) return;
+  constexpr int kMiss = 4;
+  constexpr int kEnough = 6;  // two in a short while; a damaged answer alone is forgotten
+  echoes_missed_ = reply_.arm[1] == echo_ma_ ? std::max(0, echoes_missed_ - 1) : echoes_missed_ + kMiss;
+  if (echoes_missed_ < kEnough) return;
   calibration_pending_ = false;  // true counters from here on
   homing_->pressed(now_ns, reply_.arm);
 }

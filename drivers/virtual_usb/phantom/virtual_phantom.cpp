@@ -235,14 +235,10 @@ PacketReply VirtualPhantom::out_packet(std::uint8_t endpoint, std::span<const st
     return out;
   }
   if (!firmware_.has_input()) next_loop_ns_ = std::max(next_loop_ns_, now_ns + kParseNs);
-  // An overrun line loses a byte now and then.
+  // An overrun line loses the rest of a packet now and then.
   constexpr std::uint64_t kOverrunEvery = 20;
-  if (settings_.faults.overrun && ++commands_seen_ % kOverrunEvery == 0 && bytes.size() > 3) {
-    firmware_.receive(bytes.first(2));
-    firmware_.receive(bytes.subspan(3));
-  } else {
-    firmware_.receive(bytes);
-  }
+  const bool overrun = settings_.faults.overrun && ++commands_seen_ % kOverrunEvery == 0;
+  firmware_.receive(overrun ? bytes.first(bytes.size() / 2) : bytes);
   return out;
 }
 
