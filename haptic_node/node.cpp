@@ -98,7 +98,10 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
       .heartbeat = std::move(*heartbeat),
       .node_info = std::move(*node_info)});
 
-  auto device = settings.device->open({.session = session, .node_name = settings.name});
+  auto device = settings.device->open({.session = session,
+                                       .node_name = settings.name,
+                                       .loop_priority = settings.realtime.priority,
+                                       .loop_core = settings.realtime.core});
   if (!device) return rtbus::Failure{NodeFault{settings.name + ": " + device.error().message}};
   node->device_ = std::move(*device);
   node->loop_ = std::make_unique<Loop>(settings, *node->device_, node->topics_->link, true);
@@ -108,11 +111,11 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
 Node::~Node() { stop(); }
 
 std::string Node::left_out() const {
-  std::string text = "libusb, USB I/O thread";
-  if (config_.device->info().dof_actuated < 6) text += ", torque path";
-  if (!loop_->renderer().needs_physics()) text += ", physics link";
-  text += ", telemetry while nobody looks";
-  return text;
+  std::string text;
+  if (!config_.device->uses_usb()) text += "libusb, USB I/O thread, ";
+  if (config_.device->info().dof_actuated < 6) text += "torque path, ";
+  if (!loop_->renderer().needs_physics()) text += "physics link, ";
+  return text + "telemetry while nobody looks";
 }
 
 rtbus::Result<void, NodeFault> Node::start() {
@@ -231,11 +234,16 @@ void Node::run_device(std::uint64_t start_ns) noexcept {
 }
 
 void Node::report_events() {
-  events_.drain([this](const rtbus::Event& record) {
-    // A terminal or pipe that takes no text may not hold up whoever has to end this node: what cannot be told is
-    // dropped.
+  // A terminal or pipe that takes no text may not hold up whoever has to end this node: what cannot be told is dropped.
+  const auto stderr_takes_text = [] {
     pollfd out{STDERR_FILENO, POLLOUT, 0};
-    if (::poll(&out, 1, 0) != 1 || (out.revents & POLLOUT) == 0) return;
+    return ::poll(&out, 1, 0) == 1 && (out.revents & POLLOUT) != 0;
+  };
+  if (const std::string notice = device_->take_notice(); !notice.empty() && stderr_takes_text()) {
+    spdlog::info("{}: {}", config_.name, notice);
+  }
+  events_.drain([&](const rtbus::Event& record) {
+    if (!stderr_takes_text()) return;
     const auto event = static_cast<LoopEvent>(record.code);
     spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));
   });

@@ -29,6 +29,10 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
       plan.plants.push_back(child(haptic.name + " plant", Stage::kPlant, "simulated_plant", {"--node", haptic.name}));
     }
     plan.nodes.push_back(child(haptic.name, Stage::kHaptic, "haptic_node", {"--name", haptic.name}));
+    // A virtual device inside the node: its library comes before the C library.
+    if (const std::string library = haptic.device->preload(); !library.empty()) {
+      plan.nodes.back().preload = folder + "/" + library;
+    }
   }
   return plan;
 }

@@ -21,7 +21,7 @@ constexpr std::uint64_t kQuietNs = 10 * kMs;
 constexpr std::uint64_t kDrainNs = 300 * kMs;
 constexpr int kProbes = 6;
 
-Failure<DeviceFault> failed(std::string text) { return Failure{DeviceFault{std::move(text)}}; }
+Failure<DeviceFault> failed(const std::string& text) { return Failure{DeviceFault{"the device " + text}}; }
 
 Failure<DeviceFault> gone() { return failed("was unplugged while it was being brought up; plug it in again"); }
 Failure<DeviceFault> stopped() { return failed("was stopped while it was being brought up"); }
@@ -29,6 +29,8 @@ Failure<DeviceFault> stopped() { return failed("was stopped while it was being b
 }  // namespace
 
 Outcome PhantomProtocol::bring_up(usb::Channel& channel) {
+  // Without a shut-down in between the device was lost, however it showed.
+  if (std::exchange(connected_, false)) homing_->lost();
   owed_ = false;
   abandoned_ = false;
   withhold_ = true;
@@ -41,6 +43,7 @@ Outcome PhantomProtocol::bring_up(usb::Channel& channel) {
     Outcome done = (this->*step)(channel);
     if (!done) return done;
   }
+  connected_ = true;
   if (!calibration_pending_) homing_->begin(channel.now_ns(), reply_.arm);
   return {};
 }

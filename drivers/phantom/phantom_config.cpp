@@ -114,6 +114,7 @@ PhantomFile read_file(Map& file) {
   info.force_timeout_s = 0.020;
   info.can_pace_loop = true;
   info.sample_rate_hz = file.number("sample_rate_hz", {100.0, 2000.0}, 1000.0);
+  out.fetch_first = file.integer("exchanges_per_period", 1, 2, 2) == 2;
   compute_info(settings, info);
   return out;
 }
@@ -129,6 +130,7 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
   read.info.serial = options.serial;
   usb::IoSettings io;
   io.info = read.info;
+  io.fetch_first = read.fetch_first;
   io.reply_timeout_s = static_cast<double>(PhantomProtocol::kReplyLostNs) * 1e-9;
   // Interface 0 is the serial line's control, 1 its data. PJRC's shared id.
   usb::DeviceMatch match{0x16c0, 0x0483, options.serial, {0, 1}};

@@ -14,6 +14,7 @@ namespace drivers::phantom {
 struct PhantomFile {
   PhantomSettings settings;
   DeviceInfo info;
+  bool fetch_first = true;  ///< Two exchanges per period; see usb::IoSettings.
 };
 
 /// Reads the driver's own keys. Throws rtbus::config::Error.

@@ -200,6 +200,7 @@ void PhantomProtocol::watch_calibration(std::uint64_t now_ns) noexcept {
 void PhantomProtocol::shut_down(usb::Channel& channel) noexcept {
   const std::uint64_t begin_ns = channel.now_ns();
   withhold_ = true;
+  connected_ = false;
   // An answer may be under way; the zero must not meet its command in the device.
   if (owed_) (void)next_reply(channel, begin_ns + 10 * kMs);
   for (int i = 0; i < 2; ++i) {

@@ -86,6 +86,7 @@ class PhantomProtocol final : public usb::Protocol {
   bool owed_ = false;              ///< A command was sent and not answered yet.
   bool abandoned_ = false;         ///< The answer to an abandoned command may still come.
   CurrentsMa sent_ma_{};
+  bool connected_ = false;         ///< Brought up, and not shut down since.
   bool withhold_ = true;           ///< The last answer justifies no force.
 
   ArmPose pose_;

@@ -100,6 +100,9 @@ class IoDevice final : public Device {
   /// reply time-out, a bring-up at its next wait.
   void stop() noexcept override;
 
+  /// Ends a start() that another thread is in. Any thread.
+  void stop_bring_up() noexcept { stop_.raise(); }
+
   /// Any thread.
   [[nodiscard]] LinkFigures figures() const noexcept;
   /// From the arrival of a sample to its force having been handed to the bus [ns]; `clock: device` only. Any thread.
@@ -119,10 +122,9 @@ class IoDevice final : public Device {
   enum class Ended : std::uint8_t { kStopping, kLost, kFault };
 
   void run() noexcept;
-  [[nodiscard]] bool bring_up(std::unique_ptr<Channel>& channel);
   Ended exchange(Channel& channel) noexcept;
-  [[nodiscard]] ExchangeStatus step(Channel& channel, std::uint64_t due_ns, bool device_clock) noexcept;
-  [[nodiscard]] UsbStatus send(Channel& channel, std::uint64_t now_ns) noexcept;
+  [[nodiscard]] ExchangeStatus step(Channel& channel) noexcept;
+  [[nodiscard]] UsbStatus send(Channel& channel) noexcept;
   [[nodiscard]] ExchangeStatus receive(Channel& channel, DeviceSample& out) noexcept;
   void publish(const DeviceSample& sample) noexcept;
   void await_force(std::uint64_t number, std::uint64_t deadline_ns) noexcept;
@@ -150,7 +152,6 @@ class IoDevice final : public Device {
   std::atomic<bool> io_waits_{false};
   std::atomic<std::uint64_t> last_wait_ns_{0};  ///< When the loop last asked to be paced.
   alignas(64) std::atomic<LinkState> state_{LinkState::kStopped};
-  std::atomic<std::uint64_t> last_sample_ns_{0};
 
   // The loop's.
   Sample read_;
@@ -162,6 +163,9 @@ class IoDevice final : public Device {
   std::uint64_t sample_number_ = 0;
   std::uint64_t last_send_ns_ = 0;
   std::uint64_t last_answer_ns_ = 0;
+  std::uint64_t last_published_ns_ = 0;
+  std::uint64_t awaited_ns_ = 0;  ///< Arrival of the sample that the next force answers; 0: none.
+  bool link_silent_ = false;
 
   // Published.
   std::atomic<std::uint64_t> losses_{0}, late_forces_{0}, timed_out_{0}, silences_{0};

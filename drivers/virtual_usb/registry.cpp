@@ -2,12 +2,16 @@
 
 #include <vector>
 
+#include "drivers/virtual_usb/phantom/virtual_phantom.hpp"
+
 namespace drivers::virtual_usb {
 namespace {
 
 // A new virtual device is one row here: {"falcon", "Novint Falcon", &falcon::parse_virtual}.
 const std::vector<Kind>& rows() {
-  static const std::vector<Kind> all = {};
+  static const std::vector<Kind> all = {
+      {"phantom", "PHANToM-class arm with Teensy electronics", &parse_virtual_phantom},
+  };
   return all;
 }
 

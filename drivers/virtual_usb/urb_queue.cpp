@@ -33,11 +33,14 @@ void UrbQueue::submit(Urb urb, std::uint64_t now_ns) {
     done_.push_back(std::move(urb));
     return;
   }
-  // A line that waits for something to happen: here it is.
-  for (auto& [address, other] : lines_) {
-    if (other.retry_ns == kNever) other.retry_ns = now_ns;
-  }
+  poke(now_ns);  // a line that waits for something to happen: here it is
   line->second.urbs.push_back(std::move(urb));
+}
+
+void UrbQueue::poke(std::uint64_t now_ns) noexcept {
+  for (auto& [address, line] : lines_) {
+    if (line.retry_ns == kNever) line.retry_ns = now_ns;
+  }
 }
 
 bool UrbQueue::discard(std::uint64_t id, Urb& out) {
@@ -63,6 +66,11 @@ std::size_t UrbQueue::pending() const noexcept {
   std::size_t count = 0;
   for (const auto& [address, line] : lines_) count += line.urbs.size();
   return count;
+}
+
+void UrbQueue::forget() {
+  for (auto& [address, line] : lines_) line.urbs.clear();
+  done_.clear();
 }
 
 void UrbQueue::unplug() {
@@ -184,9 +192,7 @@ void UrbQueue::occupy_bus(std::size_t bytes, int packets, std::uint64_t t_ns) no
   const std::uint64_t bits = 8 * total;
   bus_free_ns_ = t_ns + (high ? bits * 1000 / 480 : bits * 1000 / 12);
   // Something has happened: who waited for that may try again. Others keep to their own time.
-  for (auto& [address, line] : lines_) {
-    if (line.retry_ns == kNever) line.retry_ns = bus_free_ns_;
-  }
+  poke(bus_free_ns_);
 }
 
 }  // namespace drivers::virtual_usb

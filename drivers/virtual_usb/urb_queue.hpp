@@ -54,6 +54,9 @@ class UrbQueue {
   /// Queues a transfer. An endpoint that the device does not have, or a device that is unplugged, ends it at once.
   void submit(Urb urb, std::uint64_t now_ns);
 
+  /// The device may have changed its mind from outside (a test, a fault): ask again where it refused until an event.
+  void poke(std::uint64_t now_ns) noexcept;
+
   /// Takes a pending transfer back. @returns false when there is none of that id (it is done already).
   /// @param out The transfer with status kUrbCancelled and what it had moved so far.
   bool discard(std::uint64_t id, Urb& out);
@@ -66,6 +69,8 @@ class UrbQueue {
   [[nodiscard]] bool has_done() const noexcept { return !done_.empty(); }
   [[nodiscard]] std::size_t pending() const noexcept;
 
+  /// Forgets everything pending, without a word: whoever submitted it is gone.
+  void forget();
   /// Everything pending ends with kUrbGone, everything submitted later too.
   void unplug();
   /// Plugged in (again): halts forgotten, the device told by bus_reset(); it keeps its power and state.

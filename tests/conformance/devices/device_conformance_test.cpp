@@ -338,6 +338,7 @@ INSTANTIATE_TEST_SUITE_P(Drivers, DeviceConformance, ::testing::ValuesIn(kRows),
 
 TEST(Registry, EveryDriverIsInThisSuite) {
   for (const DriverEntry& driver : registered_drivers()) {
+    if (!driver_present(driver)) continue;  // its module was not built
     EXPECT_TRUE(
         std::any_of(std::begin(kRows), std::end(kRows), [&](const Row& row) { return driver.name == row.driver; }))
         << driver.name << " has no row in kRows";

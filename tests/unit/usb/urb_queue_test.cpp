@@ -246,7 +246,7 @@ TEST(ParseConfiguration, SurvivesAnyBytes) {
     Bytes bytes(static_cast<std::size_t>(round % 61));
     for (auto& byte : bytes) {
       state = state * 1664525u + 1013904223u;
-      byte = static_cast<std::uint8_t>(state >> 24) % (round % 2 == 0 ? 12 : 255);
+      byte = static_cast<std::uint8_t>((state >> 24) % (round % 2 == 0 ? 12u : 255u));
     }
     const Configuration parsed = parse_configuration(bytes);
     ASSERT_LE(parsed.endpoints.size() * 7, bytes.size());
