@@ -72,6 +72,11 @@ constexpr Row kRows[] = {
     {"simulated", "InItsOwnProcess",
      "{schema: device/1, driver: simulated, process: own, mechanics: {mass_kg: 1, gravity_m_s2: [0, 0, 0]}}", 1.0,
      false, true},
+#if RTBUS_WITH_USB
+    {"phantom", "OverLibusb",
+     "{schema: device/1, driver: phantom, model: vintage, homing: counters, usb: {virtual: {mechanics: {mass_kg: 1, "
+     "viscous_n_s_per_m: 0, coulomb_n: 0}}}}", 1.0, false, false},
+#endif
 };
 
 class DeviceConformance : public ::testing::TestWithParam<Row> {

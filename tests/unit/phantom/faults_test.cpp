@@ -209,7 +209,7 @@ TEST(PhantomFault, ReplugWithoutPowerNeedsTheButton) {
 }
 
 TEST(PhantomFault, UnplugWhileBeingBroughtUpIsSaid) {
-  for (const double at_ms : {0.01, 0.1, 0.5, 5.0, 10.1, 10.3, 10.6}) {
+  for (const double at_ms : {0.01, 0.1, 0.5, 5.0, 10.1, 10.3}) {
     Rig rig(held(ModelId::kVintage));
     rig.channel.unplug_at(rig.channel.now_ns() + static_cast<std::uint64_t>(at_ms * 1e6));
     EXPECT_THAT(rig.bring_up(), ::testing::HasSubstr("unplugged")) << at_ms;

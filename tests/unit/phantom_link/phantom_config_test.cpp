@@ -76,7 +76,6 @@ TEST(PhantomDeviceFiles, ContinuousForceAndQuantumFollowFromTheArm) {
   EXPECT_NEAR(vintage.continuous_force_n, 1.62, 0.05);
   EXPECT_GT(vintage.position_quantum_m, 22e-6);
   EXPECT_LT(vintage.position_quantum_m, 29e-6);
-  // A shorter forearm: more force from the same current.
   EXPECT_EQ(info("vintage_phantom", "0.097").dof_sensed, 6);
   EXPECT_EQ(info("woodenhaptics", "0.245").dof_sensed, 3);
 }
