@@ -22,5 +22,8 @@ Action add_top(CLI::App& command);
 Action add_clean(CLI::App& command);
 Action add_doctor(CLI::App& command);
 Action add_evaluate(CLI::App& command);
+Action add_devices(CLI::App& command);
+Action add_device_test(CLI::App& command);
+Action add_virtual_device(CLI::App& command);
 
 }  // namespace tools

@@ -24,6 +24,9 @@ constexpr Entry kCommands[] = {
     {"top", "Live monitor of a session", &tools::add_top},
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},
+    {"devices", "Haptic devices on the USB bus, permissions and remedies", &tools::add_devices},
+    {"device-test", "Test a device step by step: encoders, buttons, a small force", &tools::add_device_test},
+    {"virtual-device", "Offer a virtual USB device over USB/IP", &tools::add_virtual_device},
     {"evaluate", "Run an experiment and check its figures", &tools::add_evaluate},
 };
 
