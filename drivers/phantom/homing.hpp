@@ -1,8 +1,8 @@
 #pragma once
 /// @file homing.hpp
-/// Does the arm know where it is? The counters are zero at power-up in whatever pose the arm happens to be, the device's
-/// calibration button zeroes them again, and nothing on the wire says which of it was done. With a wrong zero every force
-/// points elsewhere; so none is given until there is a reason to believe the counters:
+/// Does the arm know where it is? The counters are zero at power-up in whatever pose the arm happens to be, the
+/// device's calibration button zeroes them again, and nothing on the wire says which of it was done. With a wrong zero
+/// every force points elsewhere; so none is given until there is a reason to believe the counters:
 ///
 /// - `at_start`: the user states that the arm was plugged in (or its button pressed) in the home pose and is held there
 ///   at start. Checked: all three counters are near zero for 0.3 s. Where they are not, the two statements contradict
@@ -13,8 +13,8 @@
 ///   is now. Not checked; for restarts of the software.
 ///
 /// Each statement is about the start. Once the connection was lost the board may have been without power: then the
-/// counters are believed only if they go on where they stopped, away from zero; else the button must be pressed. The same
-/// after a jump of the counters, and after a pose that the linkage cannot have.
+/// counters are believed only if they go on where they stopped, away from zero; else the button must be pressed. The
+/// same after a jump of the counters, and after a pose that the linkage cannot have.
 ///
 /// One thread; realtime-safe but for remedy().
 #include <array>

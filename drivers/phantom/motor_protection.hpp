@@ -26,9 +26,9 @@ class MotorProtection {
  public:
   explicit MotorProtection(const MotorLimits& limits) : limits_(limits) {}
 
-  /// The currents that may flow [mA]: `base` (the arm's own weight) plus the largest share 0…1 of `force` that all three
-  /// motors allow, so that the force keeps its direction. Where the base alone is too much, all of it is scaled down
-  /// and no force is given. `limited` says whether anything was cut. Non-finite input gives zero. @realtime Yes.
+  /// The currents that may flow [mA]: `base` (the arm's own weight) plus the largest share 0…1 of `force` that all
+  /// three motors allow, so that the force keeps its direction. Where the base alone is too much, all of it is scaled
+  /// down and no force is given. `limited` says whether anything was cut. Non-finite input gives zero. @realtime Yes.
   [[nodiscard]] Eigen::Vector3d limit(const Eigen::Vector3d& base_ma, const Eigen::Vector3d& force_ma,
                                       bool& limited) const noexcept RTBUS_NONBLOCKING;
 

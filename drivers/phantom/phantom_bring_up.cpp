@@ -1,4 +1,5 @@
-// PhantomProtocol::bring_up(): from a freshly opened serial device to an arm that answers, with a reason at each failure.
+// PhantomProtocol::bring_up(): from a freshly opened serial device to an arm that answers, with a reason at each
+// failure.
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -63,7 +64,8 @@ Outcome PhantomProtocol::set_line(usb::Channel& channel) {
     case UsbStatus::kStopping:
       return stopped();
     default:
-      return failed("does not take the settings of a serial line; it is no PHANToM-class controller, or hangs: re-plug it");
+      return failed(
+          "does not take the settings of a serial line; it is no PHANToM-class controller, or hangs: re-plug it");
   }
 }
 
@@ -119,20 +121,22 @@ Outcome PhantomProtocol::probe(usb::Channel& channel) {
   if (good < 2) {
     if (answered && find_model(model) == nullptr) {
       return failed("answers as model " + std::to_string(model) +
-                   ", which this driver does not know (1 Polhem, 2 Vintage PHANToM, 3 WoodenHaptics)");
+                    ", which this driver does not know (1 Polhem, 2 Vintage PHANToM, 3 WoodenHaptics)");
     }
     if (answered) return failed("refuses the probe command (" + describe_errors(errors) + "); re-plug it");
     if (decoder_.garbage() != garbage_before || counters_.bad_frames != bad_before) {
-      return failed("answers, but not in the bracket protocol; every Teensy program has these USB ids: check `serial` in "
-                   "the device file");
+      return failed(
+          "answers, but not in the bracket protocol; every Teensy program has these USB ids: check `serial` in "
+          "the device file");
     }
-    return failed("does not answer; every Teensy program has these USB ids: check `serial` in the device file, then the "
-                 "controller's firmware and power");
+    return failed(
+        "does not answer; every Teensy program has these USB ids: check `serial` in the device file, then the "
+        "controller's firmware and power");
   }
   if (model != static_cast<int>(settings_.model.id)) {
     const Model* const found = find_model(model);
     return failed("is a " + std::string(found->name) + " (model " + std::to_string(model) + "), the device file says " +
-                 std::string(settings_.model.key) + "; set model: " + std::string(found->key));
+                  std::string(settings_.model.key) + "; set model: " + std::string(found->key));
   }
   answered_ns_ = channel.now_ns();
   return {};

@@ -32,7 +32,8 @@ Model parse_model(Map& file) {
 
 void parse_motors(Map& map, MotorLimits& motors) {
   motors.peak_ma = map.number("peak_a", {0.05, 5.999}, motors.peak_ma * 1e-3) * 1e3;
-  motors.continuous_ma = map.number("continuous_a", {0.05, 5.999}, std::min(motors.continuous_ma, motors.peak_ma) * 1e-3) * 1e3;
+  motors.continuous_ma =
+      map.number("continuous_a", {0.05, 5.999}, std::min(motors.continuous_ma, motors.peak_ma) * 1e-3) * 1e3;
   motors.time_constant_s = map.number("thermal_time_constant_s", {0.1, 600.0}, motors.time_constant_s);
   if (motors.continuous_ma > motors.peak_ma) map.fail("continuous_a", "exceeds motors.peak_a; lower it");
 }
@@ -62,8 +63,7 @@ void compute_info(const PhantomSettings& settings, DeviceInfo& info) {
   double largest_step_m = 0.0;
   for (int i = 0; i < 3; ++i) {
     const double torque_per_n = pose.jacobian_m.col(i).norm();  // of the worst direction
-    most_ma_per_n =
-        std::max(most_ma_per_n, std::abs(arm.currents_ma(torque_per_n * Eigen::Vector3d::Unit(i))[i]));
+    most_ma_per_n = std::max(most_ma_per_n, std::abs(arm.currents_ma(torque_per_n * Eigen::Vector3d::Unit(i))[i]));
     const double rad_per_count = (arm.angles({1, 1, 1}) - arm.angles({0, 0, 0})).cwiseAbs()[i];
     largest_step_m = std::max(largest_step_m, torque_per_n * rad_per_count);
   }
@@ -84,8 +84,8 @@ PhantomFile read_file(Map& file) {
   settings.home_tolerance_rad = file.number("home_tolerance_rad", {0.005, 0.3}, settings.home_tolerance_rad);
   settings.gravity_share = file.number("gravity_compensation", {0.0, 1.0}, 0.0);
   if (settings.gravity_share > 0.0 && settings.model.weight.upper_arm_kg <= 0.0) {
-    file.fail("gravity_compensation", "is not possible: no masses are published for a " +
-                                          std::string(settings.model.name) + "; leave it at 0");
+    file.fail("gravity_compensation",
+              "is not possible: no masses are published for a " + std::string(settings.model.name) + "; leave it at 0");
   }
   if (auto motors = file.optional_map("motors")) {
     parse_motors(*motors, settings.motors);
@@ -124,8 +124,9 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
   const bool any = file.boolean("probe_any_teensy", false);
   usb::OpenOptions options = usb::parse_open_options(file, "phantom");
   if (options.serial.empty() && !any && !options.virtual_device) {
-    file.fail("serial", "is missing: every Teensy program has the USB ids of these arms, and a probe makes an unknown one "
-                        "act on text; name the arm's controller (rtbus devices lists them), or set probe_any_teensy: true");
+    file.fail("serial",
+              "is missing: every Teensy program has the USB ids of these arms, and a probe makes an unknown one "
+              "act on text; name the arm's controller (rtbus devices lists them), or set probe_any_teensy: true");
   }
   read.info.serial = options.serial;
   usb::IoSettings io;
@@ -135,11 +136,11 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
   // Interface 0 is the serial line's control, 1 its data. PJRC's shared id.
   usb::DeviceMatch match{0x16c0, 0x0483, options.serial, {0, 1}};
   // What is known about the counters outlives a connection.
-  auto homing = std::make_shared<Homing>(Kinematics(read.settings.model), read.settings.homing,
-                                         read.settings.home_tolerance_rad);
-  return std::make_unique<usb::UsbDeviceConfig>(
-      io, match, std::move(options),
-      [settings = read.settings, homing] { return std::make_unique<PhantomProtocol>(settings, homing); });
+  auto homing =
+      std::make_shared<Homing>(Kinematics(read.settings.model), read.settings.homing, read.settings.home_tolerance_rad);
+  return std::make_unique<usb::UsbDeviceConfig>(io, match, std::move(options), [settings = read.settings, homing] {
+    return std::make_unique<PhantomProtocol>(settings, homing);
+  });
 }
 
 }  // namespace drivers::phantom

@@ -34,8 +34,7 @@ void place(double yaw_rad, double radius_m, double height_m, const Vector2d& by_
            const std::array<double, 3>& origin_m, ArmPose& out) {
   const double s = std::sin(yaw_rad);
   const double c = std::cos(yaw_rad);
-  out.position_m =
-      to_device({radius_m * c - origin_m[0], radius_m * s - origin_m[1], height_m - origin_m[2]});
+  out.position_m = to_device({radius_m * c - origin_m[0], radius_m * s - origin_m[1], height_m - origin_m[2]});
   out.jacobian_m.col(0) = to_device({-radius_m * s, radius_m * c, 0.0});
   out.jacobian_m.col(1) = to_device({by_b.x() * c, by_b.x() * s, by_b.y()});
   out.jacobian_m.col(2) = to_device({by_c.x() * c, by_c.x() * s, by_c.y()});
@@ -58,8 +57,8 @@ Quat about(std::size_t axis, double angle_rad) {
 Kinematics::Kinematics(const Model& model) : model_(model) {
   for (int i = 0; i < 3; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    angle_per_count_rad_[i] = model.direction[k] * 2.0 * std::numbers::pi / model.counts_per_turn *
-                              model.capstan_m[k] / model.body_m[k];
+    angle_per_count_rad_[i] =
+        model.direction[k] * 2.0 * std::numbers::pi / model.counts_per_turn * model.capstan_m[k] / model.body_m[k];
   }
 }
 
@@ -155,7 +154,7 @@ bool Kinematics::inverse(const Vector3d& position_m, JointAngles& out) const noe
   if (!triangle_angle(l.lever_m, from_lever.norm(), l.rod_m, at_lever_rad)) return false;
   q[2] = angle_of(from_lever) + at_lever_rad;
   if (q[2] < 0.0) q[2] += 2.0 * std::numbers::pi;  // the counters run through π: home is at 4.16 rad
-  ArmPose check;  // the rod's other side is another assembly
+  ArmPose check;                                   // the rod's other side is another assembly
   if (!five_bar(q, check) || (check.position_m - position_m).norm() > 1e-6) return false;
   out = q;
   return true;
@@ -183,10 +182,10 @@ Vector3d Kinematics::torques_n_m(const Vector3d& currents_ma) const noexcept RTB
 
 Vector3d Kinematics::gravity_torques_n_m(const JointAngles& q) const noexcept RTBUS_NONBLOCKING {
   const ArmWeight& w = model_.weight;
-  return {0.0,
-          -kGravityMS2 * (w.upper_arm_kg * w.upper_arm_centre_m + w.forearm_kg * model_.arm.upper_arm_m) *
-              std::sin(q[1]),
-          kGravityMS2 * w.forearm_kg * w.forearm_centre_m * std::sin(q[2])};
+  return {
+      0.0,
+      -kGravityMS2 * (w.upper_arm_kg * w.upper_arm_centre_m + w.forearm_kg * model_.arm.upper_arm_m) * std::sin(q[1]),
+      kGravityMS2 * w.forearm_kg * w.forearm_centre_m * std::sin(q[2])};
 }
 
 Quat Kinematics::orientation(double yaw_rad, double elevation_rad,
@@ -200,8 +199,8 @@ Quat Kinematics::orientation(double yaw_rad, double elevation_rad,
   return {q[0] / norm, q[2] / norm, q[3] / norm, q[1] / norm};  // axes relabelled as the positions are
 }
 
-std::array<double, 3> Kinematics::gimbal_angles(
-    const std::array<std::int32_t, 3>& counts) const noexcept RTBUS_NONBLOCKING {
+std::array<double, 3> Kinematics::gimbal_angles(const std::array<std::int32_t, 3>& counts) const noexcept
+    RTBUS_NONBLOCKING {
   std::array<double, 3> out{};
   if (model_.gimbal_counts_per_turn == 0) return out;
   for (std::size_t i = 0; i < 3; ++i) {

@@ -24,7 +24,7 @@ using CurrentsMa = std::array<int, 3>;
 
 /// Error bits of an answer, as the firmware sets them.
 enum ErrorBit : std::uint32_t {
-  kGimbal0Failed = 1,       ///< I²C of a gimbal sensor: the counters of the arm are still true.
+  kGimbal0Failed = 1,  ///< I²C of a gimbal sensor: the counters of the arm are still true.
   kGimbal1Failed = 2,
   kGimbal2Failed = 4,
   kTrailingCharacters = 8,  ///< Something followed the `]`: two commands met in the device.
@@ -43,10 +43,10 @@ inline constexpr std::uint32_t kCommandErrors = ~kGimbalErrors;
 
 /// One answer of the device.
 struct Reply {
-  int model = 0;                        ///< 1 Polhem, 2 Vintage PHANToM, 3 WoodenHaptics.
-  std::array<std::int32_t, 3> arm{};    ///< Motor encoder counts (×4), without home offset.
-  std::array<std::int32_t, 3> gimbal{}; ///< Sensors of the stylus; all 0 when there are none.
-  std::uint32_t errors = 0;             ///< ErrorBit.
+  int model = 0;                         ///< 1 Polhem, 2 Vintage PHANToM, 3 WoodenHaptics.
+  std::array<std::int32_t, 3> arm{};     ///< Motor encoder counts (×4), without home offset.
+  std::array<std::int32_t, 3> gimbal{};  ///< Sensors of the stylus; all 0 when there are none.
+  std::uint32_t errors = 0;              ///< ErrorBit.
 };
 
 /// A command ready to be sent; 23 bytes at most.

@@ -30,7 +30,8 @@ Model vintage() {
   m.limits.apparent_mass_kg = 0.075;           // the PHANToM 1.0's data sheet, from memory: less than that
   m.limits.coulomb_friction_n = 0.03;          // own choice below the data sheet's 0.04 N
   m.limits.viscous_damping_n_s_per_m = 0.005;  // PHANToM 1.0 in stability papers, from memory
-  m.limits.workspace_min_m = {-0.06, -0.05, -0.08};  // own choice: a box within reach; published is "about 0.1 m around"
+  m.limits.workspace_min_m = {-0.06, -0.05,
+                              -0.08};  // own choice: a box within reach; published is "about 0.1 m around"
   m.limits.workspace_max_m = {0.06, 0.10, 0.05};
   return m;
 }
@@ -85,7 +86,8 @@ Model polhem() {
   m.limits.apparent_mass_kg = 0.15;            // own estimate; nothing is published
   m.limits.coulomb_friction_n = 0.03;          // own choice, nothing is published: as Vintage
   m.limits.viscous_damping_n_s_per_m = 0.005;  // own choice: as Vintage
-  m.limits.workspace_min_m = {-0.065, -0.065, -0.065};  // own choice: a cube within reach; a sphere of 0.15 m is published
+  m.limits.workspace_min_m = {-0.065, -0.065,
+                              -0.065};  // own choice: a cube within reach; a sphere of 0.15 m is published
   m.limits.workspace_max_m = {0.065, 0.065, 0.065};
   return m;
 }

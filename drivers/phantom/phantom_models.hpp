@@ -53,13 +53,13 @@ struct Model {
   std::string_view key;   ///< `model:` in the device file.
   std::string_view name;  ///< For people.
   bool five_bar = false;
-  SerialArm arm;          ///< Of a serial arm.
-  FiveBar linkage;        ///< Of a five-bar.
-  std::array<double, 3> origin_m{};  ///< Centre of the workspace from the foot of the turntable's axis, frame M.
-  std::array<double, 3> capstan_m{}; ///< Diameters of the capstans.
-  std::array<double, 3> body_m{};    ///< Diameters that the cables run on.
-  std::array<int, 3> direction{};    ///< Sign of joint angle over counts.
-  int counts_per_turn = 0;           ///< Motor encoders, ×4.
+  SerialArm arm;                      ///< Of a serial arm.
+  FiveBar linkage;                    ///< Of a five-bar.
+  std::array<double, 3> origin_m{};   ///< Centre of the workspace from the foot of the turntable's axis, frame M.
+  std::array<double, 3> capstan_m{};  ///< Diameters of the capstans.
+  std::array<double, 3> body_m{};     ///< Diameters that the cables run on.
+  std::array<int, 3> direction{};     ///< Sign of joint angle over counts.
+  int counts_per_turn = 0;            ///< Motor encoders, ×4.
   std::array<std::int32_t, 3> home_counts{};  ///< Added to the counters: what they would read in the zero pose.
   std::array<double, 3> torque_constant_n_m_per_a{};
   GimbalKind gimbal = GimbalKind::kNone;

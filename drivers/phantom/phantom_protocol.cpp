@@ -26,10 +26,7 @@ constexpr std::size_t kReadBytes = 4096;
 }  // namespace
 
 PhantomProtocol::PhantomProtocol(const PhantomSettings& settings, std::shared_ptr<Homing> homing)
-    : settings_(settings),
-      kinematics_(settings.model),
-      protection_(settings.motors),
-      homing_(std::move(homing)) {}
+    : settings_(settings), kinematics_(settings.model), protection_(settings.motors), homing_(std::move(homing)) {}
 
 UsbStatus PhantomProtocol::transmit(usb::Channel& channel, const CurrentsMa& currents_ma,
                                     std::uint64_t deadline_ns) noexcept {
@@ -99,8 +96,8 @@ CurrentsMa PhantomProtocol::currents_for(const Vec3& force_n) noexcept {
 
 UsbStatus PhantomProtocol::send(usb::Channel& channel, const Vec3& force_n, double dt_s,
                                 std::uint64_t deadline_ns) noexcept {
-  protection_.flowed({static_cast<double>(sent_ma_[0]), static_cast<double>(sent_ma_[1]),
-                      static_cast<double>(sent_ma_[2])}, dt_s);
+  protection_.flowed(
+      {static_cast<double>(sent_ma_[0]), static_cast<double>(sent_ma_[1]), static_cast<double>(sent_ma_[2])}, dt_s);
   const std::uint64_t now_ns = channel.now_ns();
   if (owed_) {
     // Two commands in the device at once would both be dropped, with the old current flowing on.

@@ -83,11 +83,11 @@ class PhantomProtocol final : public usb::Protocol {
   Reply reply_;
   std::uint64_t answered_ns_ = 0;  ///< When the newest valid answer arrived.
   std::uint64_t sent_ns_ = 0;
-  bool owed_ = false;              ///< A command was sent and not answered yet.
-  bool abandoned_ = false;         ///< The answer to an abandoned command may still come.
+  bool owed_ = false;       ///< A command was sent and not answered yet.
+  bool abandoned_ = false;  ///< The answer to an abandoned command may still come.
   CurrentsMa sent_ma_{};
-  bool connected_ = false;         ///< Brought up, and not shut down since.
-  bool withhold_ = true;           ///< The last answer justifies no force.
+  bool connected_ = false;  ///< Brought up, and not shut down since.
+  bool withhold_ = true;    ///< The last answer justifies no force.
 
   ArmPose pose_;
   JointAngles angles_ = JointAngles::Zero();

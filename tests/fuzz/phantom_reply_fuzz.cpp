@@ -1,5 +1,5 @@
-// Any bytes through both ends of the bracket protocol: the driver's decoder and the virtual controller's parser. What the
-// decoder takes must give a finite pose or none, and no input may keep the next answer from being read.
+// Any bytes through both ends of the bracket protocol: the driver's decoder and the virtual controller's parser. What
+// the decoder takes must give a finite pose or none, and no input may keep the next answer from being read.
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>

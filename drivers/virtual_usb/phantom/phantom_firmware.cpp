@@ -123,8 +123,7 @@ void PhantomFirmware::watchdog(std::uint64_t now_ns) noexcept {
   ++watchdog_trips_;
 }
 
-void PhantomFirmware::zero(const std::array<std::int32_t, 3>& arm,
-                           const std::array<std::int32_t, 3>& gimbal) noexcept {
+void PhantomFirmware::zero(const std::array<std::int32_t, 3>& arm, const std::array<std::int32_t, 3>& gimbal) noexcept {
   arm_zero_ = arm;
   gimbal_zero_ = gimbal;
 }

@@ -3,11 +3,12 @@
 /// What the Teensy program of a PHANToM-class arm does with the bytes that come over the serial line: a state machine
 /// with the quirks of the published firmware, so that a driver that gets along with it gets along with the device.
 ///
-/// One loop() takes at most one command from the receive queue and gives one answer. Skips to `[`; wants two commas before
+/// One loop() takes at most one command from the receive queue and gives one answer. Skips to `[`; wants two commas
+/// before
 /// `]` and counts those before `[` too; 127 bytes of line. After `]` what is left in the queue is thrown away up to the
-/// first character that is no LF, CR or NUL, which costs error 8 and the command. Hence two commands that arrive together
-/// give two errors and move nothing. Currents beyond ±6000 mA count as 0. An error answer repeats the counters of the
-/// answer before, leaves the motor currents as they are and does not feed the watchdog.
+/// first character that is no LF, CR or NUL, which costs error 8 and the command. Hence two commands that arrive
+/// together give two errors and move nothing. Currents beyond ±6000 mA count as 0. An error answer repeats the counters
+/// of the answer before, leaves the motor currents as they are and does not feed the watchdog.
 #include <array>
 #include <cstdint>
 #include <deque>

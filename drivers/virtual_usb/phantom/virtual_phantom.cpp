@@ -11,9 +11,9 @@ namespace {
 
 constexpr std::uint64_t kUs = 1'000;
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kParseNs = 20 * kUs;   // own estimate: until the main loop looks at its queue
-constexpr std::uint64_t kLoopNs = 50 * kUs;    // own estimate: one turn of it
-constexpr std::uint64_t kFlushNs = 75 * kUs;   // the core's, for a packet that is not full
+constexpr std::uint64_t kParseNs = 20 * kUs;  // own estimate: until the main loop looks at its queue
+constexpr std::uint64_t kLoopNs = 50 * kUs;   // own estimate: one turn of it
+constexpr std::uint64_t kFlushNs = 75 * kUs;  // the core's, for a packet that is not full
 constexpr std::uint64_t kUnreadNs = 120 * kMs;
 constexpr std::uint64_t kArmStepNs = 1 * kMs;
 constexpr std::uint32_t kBootLoaderBaud = 134;
@@ -29,17 +29,17 @@ Descriptors make_descriptors(bool high_speed, const std::string& serial) {
   d.strings = {wide("Teensyduino"), wide("USB Serial"), wide(serial)};
   d.device = {18, 1, 0x00, 0x02, 0xEF, 0x02, 0x01, 64, 0xC0, 0x16, 0x83, 0x04, 0x79, 0x02, 1, 2, 3, 1};
   d.configuration = {
-      9, 2, 75, 0, 2, 1, 0, 0xC0, 50,        // configuration: two interfaces, self-powered, 100 mA
-      8, 11, 0, 2, 0x02, 0x02, 0x01, 0,      // the two belong together
-      9, 4, 0, 0, 1, 0x02, 0x02, 0x01, 0,    // interface 0: CDC, abstract control
-      5, 0x24, 0x00, 0x10, 0x01,             // header 1.10
-      5, 0x24, 0x01, 0x01, 1,                // call management, over interface 1
-      4, 0x24, 0x02, 0x06,                   // abstract control: line coding, break
-      5, 0x24, 0x06, 0, 1,                   // union 0 → 1
-      7, 5, 0x82, 3, 16, 0, 5,               // notifications
-      9, 4, 1, 0, 2, 0x0A, 0x00, 0x00, 0,    // interface 1: data
-      7, 5, 0x03, 2, low, high, 0,           // bulk OUT
-      7, 5, 0x84, 2, low, high, 0,           // bulk IN
+      9, 2,    75,   0,    2,    1,    0,    0xC0, 50,  // configuration: two interfaces, self-powered, 100 mA
+      8, 11,   0,    2,    0x02, 0x02, 0x01, 0,         // the two belong together
+      9, 4,    0,    0,    1,    0x02, 0x02, 0x01, 0,   // interface 0: CDC, abstract control
+      5, 0x24, 0x00, 0x10, 0x01,                        // header 1.10
+      5, 0x24, 0x01, 0x01, 1,                           // call management, over interface 1
+      4, 0x24, 0x02, 0x06,                              // abstract control: line coding, break
+      5, 0x24, 0x06, 0,    1,                           // union 0 → 1
+      7, 5,    0x82, 3,    16,   0,    5,               // notifications
+      9, 4,    1,    0,    2,    0x0A, 0x00, 0x00, 0,   // interface 1: data
+      7, 5,    0x03, 2,    low,  high, 0,               // bulk OUT
+      7, 5,    0x84, 2,    low,  high, 0,               // bulk IN
   };
   d.configuration[2] = static_cast<std::uint8_t>(d.configuration.size());
   return d;

@@ -1,11 +1,11 @@
 #pragma once
 /// @file virtual_phantom.hpp
-/// A PHANToM-class arm on the USB: arm and hand (virtual_arm.hpp), the controller's program (phantom_firmware.hpp) and the
-/// Teensy's serial interface, packet by packet. Descriptors as PJRC's "USB Serial" type has them (Teensy 4.0).
+/// A PHANToM-class arm on the USB: arm and hand (virtual_arm.hpp), the controller's program (phantom_firmware.hpp) and
+/// the Teensy's serial interface, packet by packet. Descriptors as PJRC's "USB Serial" type has them (Teensy 4.0).
 ///
-/// The serial interface: a command is worked on 20 µs after it came, at most every 50 µs; what was written leaves 75 µs after
-/// the last write; what the host does not read for 120 ms is dropped from then on. A line coding of 134 baud sends
-/// the board into its boot loader: it answers nothing any more and its amplifiers are off.
+/// The serial interface: a command is worked on 20 µs after it came, at most every 50 µs; what was written leaves 75 µs
+/// after the last write; what the host does not read for 120 ms is dropped from then on. A line coding of 134 baud
+/// sends the board into its boot loader: it answers nothing any more and its amplifiers are off.
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -30,9 +30,9 @@ struct VirtualPhantomSettings {
   bool zeroed_at_home = true;           ///< False: the counters are zero where the arm is at power-up.
   bool calibration_needed = false;      ///< The firmware variant that waits for its button.
   bool forgets_when_unplugged = false;  ///< The board has no power of its own: counters zero where the arm is then.
-  double button_at_s = -1.0;            ///< Press the calibration button for 50 ms, from the first command [s]; < 0: never.
-  std::array<double, 3> gimbal_rad{};   ///< What the gimbal shows, in its sensors' zero and sign.
-  std::uint64_t seed = 1;               ///< Of the faults' dice.
+  double button_at_s = -1.0;  ///< Press the calibration button for 50 ms, from the first command [s]; < 0: never.
+  std::array<double, 3> gimbal_rad{};  ///< What the gimbal shows, in its sensors' zero and sign.
+  std::uint64_t seed = 1;              ///< Of the faults' dice.
   Faults faults;
 };
 

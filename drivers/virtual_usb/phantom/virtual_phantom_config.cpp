@@ -31,7 +31,8 @@ DeviceMaker parse_virtual_phantom(Map& map) {
   settings.mechanics = mechanics_of(settings.model);
   if (auto m = map.optional_map("mechanics")) {
     settings.mechanics.mass_kg = m->number("mass_kg", {0.005, 5.0}, settings.mechanics.mass_kg);
-    settings.mechanics.viscous_n_s_per_m = m->number("viscous_n_s_per_m", {0.0, 50.0}, settings.mechanics.viscous_n_s_per_m);
+    settings.mechanics.viscous_n_s_per_m =
+        m->number("viscous_n_s_per_m", {0.0, 50.0}, settings.mechanics.viscous_n_s_per_m);
     settings.mechanics.coulomb_n = m->number("coulomb_n", {0.0, 5.0}, settings.mechanics.coulomb_n);
     settings.mechanics.gravity_m_s2 = vector(*m, "gravity_m_s2", {-30.0, 30.0}, settings.mechanics.gravity_m_s2);
     m->finish();
@@ -59,9 +60,7 @@ DeviceMaker parse_virtual_phantom(Map& map) {
   if (settings.faults.fail_handshake > 0.0) {
     map.fail("faults", "holds fail_handshake: this device has no handshake; use lose_reply or mute");
   }
-  return [settings] {
-    return VirtualDevice{std::make_unique<VirtualPhantom>(settings), settings.faults};
-  };
+  return [settings] { return VirtualDevice{std::make_unique<VirtualPhantom>(settings), settings.faults}; };
 }
 
 }  // namespace drivers::virtual_usb

@@ -1,5 +1,5 @@
-// Every fault that the virtual arm can play: it is counted, the force is right or zero, zero within 20 ms while the link
-// works (else within the device's own 100 ms), and all is well again afterwards.
+// Every fault that the virtual arm can play: it is counted, the force is right or zero, zero within 20 ms while the
+// link works (else within the device's own 100 ms), and all is well again afterwards.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -64,9 +64,17 @@ INSTANTIATE_TEST_SUITE_P(
     All, PhantomFaults,
     ::testing::Values(
         Case{"LostReplies", [](Faults& f) { f.lose_reply = 0.1; }, [](const auto& c) { return c.lost_frames; }, 0.8},
-        Case{"LateReplies", [](Faults& f) { f.late_reply = 0.1; f.late_ms = 5.0; },
+        Case{"LateReplies",
+             [](Faults& f) {
+               f.late_reply = 0.1;
+               f.late_ms = 5.0;
+             },
              [](const auto& c) { return c.exchanges; }, 0.99},
-        Case{"VeryLateReplies", [](Faults& f) { f.late_reply = 0.1; f.late_ms = 15.0; },
+        Case{"VeryLateReplies",
+             [](Faults& f) {
+               f.late_reply = 0.1;
+               f.late_ms = 15.0;
+             },
              [](const auto& c) { return c.lost_frames; }, 0.8},
         Case{"SplitReplies", [](Faults& f) { f.split_reply = 0.5; }, [](const auto& c) { return c.exchanges; }, 1.0},
         Case{"MergedReplies", [](Faults& f) { f.merge_reply = 0.1; }, [](const auto& c) { return c.lost_frames; }, 0.8},

@@ -29,8 +29,7 @@ TEST(Command, IsTheTextOfTheVectors) {
   ASSERT_TRUE(encode({0, 0, 0}, command));
   EXPECT_EQ(hex(command.span()), (std::vector<int>{0x5B, 0x30, 0x2C, 0x30, 0x2C, 0x30, 0x5D, 0x0A}));
   ASSERT_TRUE(encode({0, -659, 0}, command));
-  EXPECT_EQ(hex(command.span()),
-            (std::vector<int>{0x5B, 0x30, 0x2C, 0x2D, 0x36, 0x35, 0x39, 0x2C, 0x30, 0x5D, 0x0A}));
+  EXPECT_EQ(hex(command.span()), (std::vector<int>{0x5B, 0x30, 0x2C, 0x2D, 0x36, 0x35, 0x39, 0x2C, 0x30, 0x5D, 0x0A}));
   ASSERT_TRUE(encode({6000, -6000, 12}, command));
   EXPECT_EQ(hex(command.span()), (std::vector<int>{0x5B, 0x36, 0x30, 0x30, 0x30, 0x2C, 0x2D, 0x36, 0x30, 0x30, 0x30,
                                                    0x2C, 0x31, 0x32, 0x5D, 0x0A}));
@@ -86,10 +85,10 @@ TEST(Reply, GarbageBeforeAndAroundIsSkippedAndCounted) {
 }
 
 TEST(Reply, OnlyEightPlainIntegersAreOne) {
-  for (const char* text :
-       {"[]", "[1]", "[3,0,0,0,0,0,0]", "[3,0,0,0,0,0,0,0,0]", "[3,0,0,0,0,0,,0]", "[3,0,0,0,0,0,-,0]",
-        "[3,0,0,0,0,0,0,0,]", "[,3,0,0,0,0,0,0]", "[3,0,0,0,2147483648,0,0,0]", "[3,0,0,0,0,0,0,-8]", "[3 ,0,0,0,0,0,0,0]",
-        "[3,0x1,0,0,0,0,0,0]", "[3,1.5,0,0,0,0,0,0]", "[3,--1,0,0,0,0,0,0]", "[3,+1,0,0,0,0,0,0]"}) {
+  for (const char* text : {"[]", "[1]", "[3,0,0,0,0,0,0]", "[3,0,0,0,0,0,0,0,0]", "[3,0,0,0,0,0,,0]",
+                           "[3,0,0,0,0,0,-,0]", "[3,0,0,0,0,0,0,0,]", "[,3,0,0,0,0,0,0]", "[3,0,0,0,2147483648,0,0,0]",
+                           "[3,0,0,0,0,0,0,-8]", "[3 ,0,0,0,0,0,0,0]", "[3,0x1,0,0,0,0,0,0]", "[3,1.5,0,0,0,0,0,0]",
+                           "[3,--1,0,0,0,0,0,0]", "[3,+1,0,0,0,0,0,0]"}) {
     ReplyDecoder decoder;
     int bad = 0;
     EXPECT_EQ(decode(decoder, text, &bad).size(), 0u) << text;
@@ -100,8 +99,8 @@ TEST(Reply, OnlyEightPlainIntegersAreOne) {
 
 TEST(Reply, ExtremeCountersFit) {
   ReplyDecoder decoder;
-  const auto replies = decode(decoder,
-                              "[3,-2147483648,2147483647,-2147483648,-2147483648,-2147483648,-2147483648,2147483647]");
+  const auto replies =
+      decode(decoder, "[3,-2147483648,2147483647,-2147483648,-2147483648,-2147483648,-2147483648,2147483647]");
   ASSERT_EQ(replies.size(), 1u);
   EXPECT_EQ(replies[0].arm[0], -2147483647 - 1);
   EXPECT_EQ(replies[0].errors, 2147483647u);

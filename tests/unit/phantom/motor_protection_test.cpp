@@ -1,5 +1,5 @@
-// The heat budget against the RE25's own figures: 2.18 Ω (+0.39 %/K), 3.1 K/W winding to housing with 12 s, 14 K/W housing
-// to air with 612 s, at most 100 °C, in air of 25 °C.
+// The heat budget against the RE25's own figures: 2.18 Ω (+0.39 %/K), 3.1 K/W winding to housing with 12 s, 14 K/W
+// housing to air with 612 s, at most 100 °C, in air of 25 °C.
 #include "drivers/phantom/motor_protection.hpp"
 
 #include <gtest/gtest.h>

@@ -184,13 +184,12 @@ TEST_P(PhantomOnUsb, HeatBudgetLowersTheForceAndKeepsItsDirection) {
   EXPECT_GT(rig.tip_force_n().normalized().dot(direction), 0.9995);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Arms, PhantomOnUsb,
-    ::testing::Values(Case{ModelId::kVintage, true}, Case{ModelId::kWoody, true}, Case{ModelId::kPolhem, true},
-                      Case{ModelId::kVintage, false}),
-    [](const ::testing::TestParamInfo<Case>& c) {
-      return std::string(model(c.param.id).key) + (c.param.high_speed ? "HighSpeed" : "FullSpeed");
-    });
+INSTANTIATE_TEST_SUITE_P(Arms, PhantomOnUsb,
+                         ::testing::Values(Case{ModelId::kVintage, true}, Case{ModelId::kWoody, true},
+                                           Case{ModelId::kPolhem, true}, Case{ModelId::kVintage, false}),
+                         [](const ::testing::TestParamInfo<Case>& c) {
+                           return std::string(model(c.param.id).key) + (c.param.high_speed ? "HighSpeed" : "FullSpeed");
+                         });
 
 TEST(PhantomHomingOnUsb, AtStartHomesAnArmThatIsHeldAtHome) {
   // Vintage: home is the classic reset pose, 15 mm below the centre.

@@ -1,4 +1,5 @@
-// Device files of the PHANToM-class driver: the shipped ones are right, wrong ones are refused with a sentence that helps.
+// Device files of the PHANToM-class driver: the shipped ones are right, wrong ones are refused with a sentence that
+// helps.
 #include "drivers/phantom/phantom_config.hpp"
 
 #include <gtest/gtest.h>
