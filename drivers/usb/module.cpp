@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "drivers/falcon/falcon_config.hpp"
+#include "drivers/phantom/phantom_config.hpp"
 #include "drivers/usb/driver_module.hpp"
 #include "drivers/usb/libusb_context.hpp"
 
@@ -14,6 +15,7 @@ namespace {
 const std::vector<UsbDriver>& rows() {
   static const std::vector<UsbDriver> all = {
       {"falcon", falcon::kVendorId, falcon::kProductId, &falcon::parse},
+      {"phantom", 0x16c0, 0x0483, &phantom::parse},
   };
   return all;
 }

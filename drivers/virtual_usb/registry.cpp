@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "drivers/virtual_usb/falcon/virtual_falcon.hpp"
+#include "drivers/virtual_usb/phantom/virtual_phantom.hpp"
 
 namespace drivers::virtual_usb {
 namespace {
@@ -11,6 +12,7 @@ namespace {
 const std::vector<Kind>& rows() {
   static const std::vector<Kind> all = {
       {"falcon", "Novint Falcon, homes itself", &parse_virtual_falcon},
+      {"phantom", "PHANToM-class arm with Teensy electronics", &parse_virtual_phantom},
   };
   return all;
 }

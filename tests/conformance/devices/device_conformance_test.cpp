@@ -76,6 +76,10 @@ constexpr Row kRows[] = {
      "{schema: device/1, driver: falcon, firmware: synthetic, grip_mass_kg: 0, usb: {virtual: {homing: done, "
      "mechanics: {mass_kg: 4, gravity_m_s2: [0, 0, 0]}}}}",
      4.0, false, false},  // so heavy that a slow machine's ticks do not take it to its end stops
+    {"phantom", "Virtual",
+     "{schema: device/1, driver: phantom, model: vintage, homing: counters, usb: {virtual: {mechanics: {mass_kg: 1, "
+     "viscous_n_s_per_m: 0, coulomb_n: 0}}}}",
+     1.0, false, false},
 };
 
 // Without the ones whose module was not built.
