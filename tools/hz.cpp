@@ -70,7 +70,7 @@ int finish(const HzOptions& options, const Choice& choice, const IntervalStats& 
 }
 
 int measure(const HzOptions& options, const Choice& choice) {
-  const rtbus::ReaderOptions reader_options{.trust = rtbus::OwnerTrust::kAnyone};
+  const rtbus::ReaderOptions reader_options{.presence = true, .trust = rtbus::OwnerTrust::kAnyone};
   auto reader = rtbus::RawReader::open(choice.session, choice.topic, reader_options);
   if (!reader) {
     std::cerr << "rtbus hz: " << choice.session.name << " " << choice.topic << ": " << rtbus::to_string(reader.error())
@@ -92,8 +92,8 @@ int measure(const HzOptions& options, const Choice& choice) {
       last_fresh_ns = now_ns;
     } else if (reader->replaced()) {
       // The writer was started anew: go on with the new segment from its first sample.
-      auto opened = rtbus::RawReader::open(choice.session, choice.topic,
-                                           {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
+      auto opened = rtbus::RawReader::open(
+          choice.session, choice.topic, {.presence = true, .from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
       if (opened) reader = std::move(opened);
     }
     if (options.duration_s && elapsed_s >= *options.duration_s) break;
