@@ -13,7 +13,7 @@ rtbus::Result<std::unique_ptr<PosePublisher>, rtbus::TopicError> PosePublisher::
   const std::size_t samples_per_frame =
       std::max<std::size_t>(1, (bodies + BodyPoses::kBodies - 1) / BodyPoses::kBodies);
   const auto capacity = static_cast<std::uint32_t>(std::bit_ceil(4 * samples_per_frame));
-  auto writer = rtbus::Writer<BodyPoses>::create(session, "physics.body_poses", {.capacity = capacity});
+  auto writer = rtbus::Publication<BodyPoses>::create(session, "physics.body_poses", {.capacity = capacity});
   if (!writer) return rtbus::Failure{writer.error()};
   return std::unique_ptr<PosePublisher>(new PosePublisher(std::move(*writer)));
 }

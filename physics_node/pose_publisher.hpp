@@ -7,9 +7,9 @@
 
 #include "physics_node/stepper.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/publication.hpp"
 #include "rtbus/result.hpp"
 #include "rtbus/segment.hpp"
-#include "rtbus/topic.hpp"
 
 namespace physics {
 
@@ -22,8 +22,11 @@ class PosePublisher {
   [[nodiscard]] static rtbus::Result<std::unique_ptr<PosePublisher>, rtbus::TopicError> create(
       const rtbus::Session& session, std::size_t bodies);
 
-  /// Asks the kernel whether somebody looks: a system call, for the thread that beats.
-  void look() noexcept { observed_.store(writer_.observed(), std::memory_order_relaxed); }
+  /// Makes the topic anew when it was deleted, and asks the kernel whether somebody looks. For the thread that beats.
+  void maintain() noexcept {
+    writer_.maintain();
+    observed_.store(writer_.observed(), std::memory_order_relaxed);
+  }
   [[nodiscard]] bool observed() const noexcept { return observed_.load(std::memory_order_relaxed); }
 
   /// Publishes a frame when somebody looks and kPeriod_ns have passed. For the thread that steps, after it has
@@ -31,9 +34,9 @@ class PosePublisher {
   void publish_if_due(const Stepper& stepper, std::uint64_t now_ns) noexcept;
 
  private:
-  explicit PosePublisher(rtbus::Writer<rtbus::BodyPoses> writer) : writer_(std::move(writer)) {}
+  explicit PosePublisher(rtbus::Publication<rtbus::BodyPoses> writer) : writer_(std::move(writer)) {}
 
-  rtbus::Writer<rtbus::BodyPoses> writer_;
+  rtbus::Publication<rtbus::BodyPoses> writer_;
   std::atomic<bool> observed_{false};
   std::uint64_t due_ns_ = 0;
   std::uint64_t frames_ = 0;

@@ -26,6 +26,7 @@ constexpr Entry kCommands[] = {
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},
     {"evaluate", "Run an experiment and check its figures", &tools::add_evaluate},
+    {"bench", "Measure this machine: what a physics step costs", &tools::add_bench},
 };
 
 constexpr const char* kFooter =

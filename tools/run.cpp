@@ -79,6 +79,8 @@ Action add_run(CLI::App& command) {
   command.add_flag("--no-plots", options->no_plots, "No figures");
   command.add_flag("--no-bare-loop", options->no_bare_loop,
                    "Do not run a bare realtime loop beside the haptic loop (it is run with --report)");
+  command.add_flag("--no-restart", options->no_restart,
+                   "End the session when a node crashes, whatever `supervise` in its file says");
   command.add_flag("--json", options->json, "Print the report as JSON");
   command.add_flag("--quiet", options->quiet, "Neither progress nor the nodes' messages");
   return [options] { return run(*options); };

@@ -46,7 +46,7 @@ TEST_F(PosePublisherTest, PublishesNothingWhileNobodyLooks) {
   auto reader = rtbus::Reader<BodyPoses>::open(session_, "physics.body_poses");  // reads, but does not ask
   ASSERT_TRUE(reader.has_value());
   for (std::uint64_t i = 1; i <= 10; ++i) {
-    poses_->look();
+    poses_->maintain();
     poses_->publish_if_due(stepper_, i * rtbus::kNsPerS);
   }
   rtbus::Stamped<BodyPoses> sample;
@@ -57,7 +57,7 @@ TEST_F(PosePublisherTest, PublishesNothingWhileNobodyLooks) {
 TEST_F(PosePublisherTest, CutsAFrameIntoSamplesAndKeepsTheRate) {
   auto reader = rtbus::Reader<BodyPoses>::open(session_, "physics.body_poses", {.presence = true});
   ASSERT_TRUE(reader.has_value());
-  poses_->look();
+  poses_->maintain();
   EXPECT_TRUE(poses_->observed());
   constexpr std::uint64_t kStep_ns = rtbus::kNsPerMs;
   for (std::uint64_t i = 0; i < 67; ++i) poses_->publish_if_due(stepper_, rtbus::kNsPerS + i * kStep_ns);
@@ -87,10 +87,10 @@ TEST_F(PosePublisherTest, StopsWhenTheObserverLeaves) {
   {
     auto reader = rtbus::Reader<BodyPoses>::open(session_, "physics.body_poses", {.presence = true});
     ASSERT_TRUE(reader.has_value());
-    poses_->look();
+    poses_->maintain();
     EXPECT_TRUE(poses_->observed());
   }
-  poses_->look();
+  poses_->maintain();
   EXPECT_FALSE(poses_->observed());
 }
 
