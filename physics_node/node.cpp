@@ -11,6 +11,7 @@
 
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/packet_pipe.hpp"
 #include "rtbus/pacer.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/subscription.hpp"
@@ -22,6 +23,7 @@ namespace {
 constexpr int kStatsEvery = 10;                                // beats: 5 Hz
 constexpr int kInfoEvery = 50;                                 // 1 Hz
 constexpr std::uint64_t kLongestNapNs = 20 * rtbus::kNsPerMs;  // a stop waits no longer than this
+constexpr std::uint64_t kPacketNapNs = rtbus::kNsPerMs / 4;    // between two looks for a packet on the bus
 
 template <std::size_t N>
 void set_text(rtbus::Text<N>& out, std::string_view text) {
@@ -38,6 +40,7 @@ struct Node::Topics {
   rtbus::Writer<rtbus::NodeInfo> node_info;
   std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;                             // one per haptic node
   std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
+  std::vector<rtbus::PacketPipe> pipes{};  // likewise with `link: pipe`, else empty
 };
 
 Node::Node(NodeConfig config) : config_(std::move(config)), heard_ns_(config_.proxies.size(), 0) {}
@@ -69,8 +72,18 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
+  std::vector<rtbus::PacketPipe> pipes;
+  if (settings.proxies.front().wire.pipe) {
+    for (const ProxyConfig& proxy : settings.proxies) {
+      auto pipe = rtbus::PacketPipe::serve(settings.session, proxy.device);
+      if (!pipe) return rtbus::Failure{NodeFault{"physics: pipe for " + proxy.device + ": " + pipe.error()}};
+      pipes.push_back(std::move(*pipe));
+    }
+  }
+
   node->topics_ = std::make_unique<Topics>(
       Topics{std::move(*heartbeat), std::move(*step_stats), std::move(*node_info), std::move(proxy_states)});
+  node->topics_->pipes = std::move(pipes);
   for (const ProxyConfig& proxy : settings.proxies) {
     node->topics_->device_states.push_back(
         std::make_unique<rtbus::Subscription<rtbus::DeviceState>>(settings.session, proxy.device + ".device_state"));
@@ -81,7 +94,12 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
   const EngineEntry* engine = find_engine(physics.engine);
-  if (physics.throttle_hz) {
+  if (physics.packet_rate_hz) {
+    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, one step per packet of {} at {:g} Hz{}, {} parts",
+                 physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
+                 config_.proxies.front().device, *physics.packet_rate_hz, topics_->pipes.empty() ? "" : " by pipe",
+                 physics.parts_per_step());
+  } else if (physics.throttle_hz) {
     spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step",
                  physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
                  *physics.throttle_hz, physics.parts_per_step());
@@ -118,11 +136,16 @@ bool Node::sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept {
   return false;
 }
 
-void Node::read_devices() noexcept {
+bool Node::read_devices() noexcept {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
+  bool first_has_news = false;
   for (std::size_t i = 0; i < heard_ns_.size(); ++i) {
     rtbus::Stamped<rtbus::DeviceState> sample;
-    if (topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh) {
+    const bool news = topics_->pipes.empty()
+                          ? topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh
+                          : topics_->pipes[i].receive_newest(i == 0 ? now_ns + kLongestNapNs : now_ns, sample);
+    if (news) {
+      first_has_news = first_has_news || i == 0;
       stepper_->set_device(i, sample.value, sample.sequence);
       heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
     }
@@ -131,6 +154,15 @@ void Node::read_devices() noexcept {
       heard_ns_[i] = 0;
     }
   }
+  return first_has_news;
+}
+
+bool Node::wait_for_packet() noexcept {
+  while (!stop_steps_.load(std::memory_order_acquire)) {
+    if (read_devices()) return true;
+    if (topics_->pipes.empty()) rtbus::sleep_until(rtbus::monotonic_ns() + kPacketNapNs);
+  }
+  return false;
 }
 
 void Node::publish_answers(std::uint64_t compute_ns) noexcept {
@@ -139,6 +171,7 @@ void Node::publish_answers(std::uint64_t compute_ns) noexcept {
     rtbus::ProxyState state = stepper_->answer(i);
     state.step_compute_s = static_cast<double>(compute_ns) * 1e-9;
     topics_->proxy_states[i].publish(state, now_ns);
+    if (!topics_->pipes.empty()) (void)topics_->pipes[i].send(rtbus::Stamped<rtbus::ProxyState>{steps_ + 1, now_ns, state});
   }
   last_compute_ns_.store(compute_ns, std::memory_order_relaxed);
   last_work_ns_.store(now_ns, std::memory_order_relaxed);
@@ -146,6 +179,10 @@ void Node::publish_answers(std::uint64_t compute_ns) noexcept {
 
 void Node::step_thread() noexcept {
   rtbus::name_this_thread("physics_step");
+  if (config_.physics.packet_rate_hz) {
+    step_on_packets();
+    return;
+  }
   const double step_s = config_.physics.step_s();
   const bool throttled = config_.physics.throttle_hz.has_value();
   rtbus::Pacer pacer(rtbus::monotonic_ns(), period_ns());
@@ -168,6 +205,23 @@ void Node::step_thread() noexcept {
   }
 }
 
+void Node::step_on_packets() noexcept {
+  const double step_s = config_.physics.step_s();
+  const bool throttled = config_.physics.throttle_hz.has_value();
+  while (wait_for_packet()) {
+    const std::uint64_t began_ns = rtbus::monotonic_ns();
+    stepper_->step(step_s);
+    const std::uint64_t ended_ns = rtbus::monotonic_ns();
+    const bool late = ended_ns > began_ns + period_ns();
+    if (throttled && !sleep_unless_stopped(began_ns + period_ns())) break;
+    publish_answers(ended_ns - began_ns);
+    step_time_ns_.record(ended_ns - began_ns);
+    steps_.fetch_add(1, std::memory_order_relaxed);
+    if (late) late_.fetch_add(1, std::memory_order_relaxed);
+    ignored_.store(stepper_->ignored_states(), std::memory_order_relaxed);
+  }
+}
+
 void Node::beat_thread() noexcept {
   rtbus::name_this_thread("physics_beat");
   // A machine that is busy is not a dead physics process: the beat must not wait behind other work.
@@ -176,7 +230,7 @@ void Node::beat_thread() noexcept {
   rtbus::NodeInfo info;
   set_text(info.role, "physics");
   set_text(info.kind, physics.engine);
-  set_text(info.clock, physics.throttle_hz ? "throttled" : "fixed");
+  set_text(info.clock, physics.packet_rate_hz ? "packets" : physics.throttle_hz ? "throttled" : "fixed");
   set_text(info.scheduling, "SCHED_OTHER");
   set_text(info.realtime, "none asked for");
   set_text(info.left_out, find_engine(physics.engine)->left_out);

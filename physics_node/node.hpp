@@ -31,6 +31,10 @@ struct NodeFault {
 /// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
 /// engine would deliver it.
 ///
+/// `step_on: packet` (the paper's server): no clock. The step thread waits until the first haptic node has sent a packet,
+/// steps once, and publishes at once, or, throttled, when the period of the throttle is over. Over the bus it looks for a
+/// packet every 0.25 ms, for nobody is woken by a realtime loop; at a pipe it blocks.
+///
 /// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest;
 /// when it speaks again, the proxy starts anew at the target it names.
 class Node {
@@ -53,7 +57,10 @@ class Node {
   explicit Node(NodeConfig config);
   void step_thread() noexcept;
   void beat_thread() noexcept;
-  void read_devices() noexcept;
+  void step_on_packets() noexcept;
+  /// Takes the newest state of each device. @returns whether the first one had news.
+  bool read_devices() noexcept;
+  [[nodiscard]] bool wait_for_packet() noexcept;
   void publish_answers(std::uint64_t compute_ns) noexcept;
   [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;
   [[nodiscard]] std::uint64_t period_ns() const noexcept;

@@ -19,7 +19,9 @@ namespace physics::bullet {
 /// that velocity. Bullet's contact solver then sees the effective mass and needs no iteration for the spring; in free
 /// air the result is exact to rounding.
 ///
-/// Newton's law holds to rounding: coupling force m_g·(v_g − v⁺)/h, and contact force m·(v⁺ − v)/h minus that.
+/// A constant force F of the target joins the ghost's momentum: m_g·v_g + h·F, with m_g = 0 when it stands alone.
+///
+/// Newton's law holds to rounding: coupling force m_g·(v_g − v⁺)/h (+ F), and contact force m·(v⁺ − v)/h minus that.
 ///
 /// Bullet finds contacts where a step begins, so a fast proxy would enter a body first and be thrown out afterwards.
 /// Continuous detection is therefore on for it: along the way that spring and damper alone would take it, the first body
@@ -29,6 +31,7 @@ class BulletProxy {
   static constexpr double kMaxVelocityMS = 1e5;  ///< Limits beyond which finite inputs are clamped, as of analytic.
   static constexpr double kMaxStiffnessNPerM = 1e8;
   static constexpr double kMaxDampingNSPerM = 1e8;
+  static constexpr double kMaxForceN = 1e6;
   /// Bullet takes a body out of the world whose bounding box, with the way of one step, is 10⁶ units long.
   static constexpr double kMaxUnits = 1e5;
 

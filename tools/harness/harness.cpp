@@ -19,10 +19,11 @@ std::uint64_t to_ns(double seconds) { return static_cast<std::uint64_t>(seconds 
 Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& options)
     : options_(options), config_(haptic::read_haptic_config(session, 0)), now_ns_(kStart_ns), next_beat_ns_(kStart_ns) {
   if (session.physics && haptic::find_renderer(config_.method)->needs_physics) {
-    physics_ = physics::read_physics_config(*session.physics);
+    const physics::NodeConfig physics = physics::read_node_config(session);
+    physics_ = physics.physics;
     stepper_ = std::make_unique<physics::Stepper>(
         physics::make_world(physics_->engine, session.scene, physics_->engine_settings()),
-        std::vector<physics::ProxyConfig>{physics::read_proxy_config(session.haptic[0])}, physics_->substeps);
+        std::vector<physics::ProxyConfig>{physics.proxies.front()}, physics_->substeps);
     next_step_ns_ = kStart_ns + to_ns(options.physics_phase_s);
   }
   if (config_.device->own_process()) {
@@ -31,6 +32,8 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
   auto device = config_.device->open({.session = session.session, .node_name = config_.name});
   if (!device) throw std::runtime_error(device.error().message);
   device_ = std::move(*device);
+  // Packets are sampled by the harness, at its own phase: the loop offers every tick.
+  config_.wire.rate_hz.reset();
   loop_ = std::make_unique<haptic::Loop>(config_, *device_, link_, false);
   if (auto started = device_->start(kStart_ns); !started) throw std::runtime_error(started.error().message);
   next_tick_ns_ = kStart_ns + config_.period_ns();
