@@ -15,7 +15,8 @@ namespace haptic {
 
 /// `<haptic>.device_state` out; `physics.proxy_state.<haptic>` and `physics.heartbeat` in, from whichever physics
 /// process is there. With `link: pipe` hand and proxy travel through the pipe; the topic of the hand goes on for
-/// observers, and the heartbeat stays on the bus: whether physics lives is not part of the comparison. send() and receive() belong to the loop's thread, maintain() to the housekeeping thread.
+/// observers, and the heartbeat stays on the bus: whether physics lives is not part of the comparison. send() and
+/// receive() belong to the loop's thread, maintain() to the housekeeping thread.
 class BusLink final : public PhysicsLink {
  public:
   /// @param needs_physics False: the incoming topics are left out. @param wire Form of the link.

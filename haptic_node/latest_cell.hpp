@@ -1,7 +1,7 @@
 #pragma once
 /// @file latest_cell.hpp
-/// The newest value from one thread to another, without waiting and without locks: three slots, of which the writer owns
-/// one, the reader one, and the third, the newest finished one, changes hands by an atomic exchange.
+/// The newest value from one thread to another, without waiting and without locks: three slots, of which the writer
+/// owns one, the reader one, and the third, the newest finished one, changes hands by an atomic exchange.
 #include <array>
 #include <atomic>
 #include <cstdint>

@@ -91,13 +91,12 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "node_info", 4);
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
-  node->topics_.reset(new Topics{
-      .link = {std::move(*device_state), session, settings.name, find_renderer(settings.method)->needs_physics,
-               settings.wire},
-      .telemetry = std::move(*telemetry),
-      .loop_stats = std::move(*loop_stats),
-      .heartbeat = std::move(*heartbeat),
-      .node_info = std::move(*node_info)});
+  node->topics_.reset(new Topics{.link = {std::move(*device_state), session, settings.name,
+                                          find_renderer(settings.method)->needs_physics, settings.wire},
+                                 .telemetry = std::move(*telemetry),
+                                 .loop_stats = std::move(*loop_stats),
+                                 .heartbeat = std::move(*heartbeat),
+                                 .node_info = std::move(*node_info)});
 
   auto device = settings.device->open({.session = session, .node_name = settings.name});
   if (!device) return rtbus::Failure{NodeFault{settings.name + ": " + device.error().message}};

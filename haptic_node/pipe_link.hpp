@@ -1,7 +1,8 @@
 #pragma once
 /// @file pipe_link.hpp
-/// `link: pipe`: the loop's link to physics as the paper had it (He & Choi 2013, section III.A): a thread of its own, at
-/// 50 Hz, parcels the newest state of the hand into a named pipe and takes the newest proxy out of the other direction.
+/// `link: pipe`: the loop's link to physics as the paper had it (He & Choi 2013, section III.A): a thread of its own,
+/// at 50 Hz, parcels the newest state of the hand into a named pipe and takes the newest proxy out of the other
+/// direction.
 #include <atomic>
 #include <optional>
 #include <string>

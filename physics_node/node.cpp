@@ -11,8 +11,8 @@
 
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
-#include "rtbus/packet_pipe.hpp"
 #include "rtbus/pacer.hpp"
+#include "rtbus/packet_pipe.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/subscription.hpp"
 #include "rtbus/topic.hpp"
@@ -50,9 +50,9 @@ Node::~Node() { stop(); }
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
   const NodeConfig& settings = node->config_;
-  node->stepper_ = std::make_unique<Stepper>(
-      make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()), settings.proxies,
-      settings.physics.parts_per_step());
+  node->stepper_ =
+      std::make_unique<Stepper>(make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()),
+                                settings.proxies, settings.physics.parts_per_step());
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
@@ -95,10 +95,11 @@ void Node::start() {
   const PhysicsConfig& physics = config_.physics;
   const EngineEntry* engine = find_engine(physics.engine);
   if (physics.packet_rate_hz) {
-    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, one step per packet of {} at {:g} Hz{}, {} parts",
-                 physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
-                 config_.proxies.front().device, *physics.packet_rate_hz, topics_->pipes.empty() ? "" : " by pipe",
-                 physics.parts_per_step());
+    spdlog::info(
+        "physics: engine {}, scene {}, {} bodies, {} proxies, one step per packet of {} at {:g} Hz{}, {} parts",
+        physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
+        config_.proxies.front().device, *physics.packet_rate_hz, topics_->pipes.empty() ? "" : " by pipe",
+        physics.parts_per_step());
   } else if (physics.throttle_hz) {
     spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step",
                  physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
@@ -171,7 +172,8 @@ void Node::publish_answers(std::uint64_t compute_ns) noexcept {
     rtbus::ProxyState state = stepper_->answer(i);
     state.step_compute_s = static_cast<double>(compute_ns) * 1e-9;
     topics_->proxy_states[i].publish(state, now_ns);
-    if (!topics_->pipes.empty()) (void)topics_->pipes[i].send(rtbus::Stamped<rtbus::ProxyState>{steps_ + 1, now_ns, state});
+    if (!topics_->pipes.empty())
+      (void)topics_->pipes[i].send(rtbus::Stamped<rtbus::ProxyState>{steps_ + 1, now_ns, state});
   }
   last_compute_ns_.store(compute_ns, std::memory_order_relaxed);
   last_work_ns_.store(now_ns, std::memory_order_relaxed);

@@ -31,9 +31,9 @@ struct NodeFault {
 /// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
 /// engine would deliver it.
 ///
-/// `step_on: packet` (the paper's server): no clock. The step thread waits until the first haptic node has sent a packet,
-/// steps once, and publishes at once, or, throttled, when the period of the throttle is over. Over the bus it looks for a
-/// packet every 0.25 ms, for nobody is woken by a realtime loop; at a pipe it blocks.
+/// `step_on: packet` (the paper's server): no clock. The step thread waits until the first haptic node has sent a
+/// packet, steps once, and publishes at once, or, throttled, when the period of the throttle is over. Over the bus it
+/// looks for a packet every 0.25 ms, for nobody is woken by a realtime loop; at a pipe it blocks.
 ///
 /// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest;
 /// when it speaks again, the proxy starts anew at the target it names.

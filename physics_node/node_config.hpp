@@ -28,7 +28,7 @@ struct PhysicsConfig {
   /// `step_on: packet`: no clock; each packet of the first haptic node, so many per second, makes a step.
   std::optional<double> packet_rate_hz;
 
-  int solver_iterations = 10;         ///< Of an engine that solves contacts by iteration; analytic does not.
+  int solver_iterations = 10;  ///< Of an engine that solves contacts by iteration; analytic does not.
 
   [[nodiscard]] EngineSettings engine_settings() const noexcept { return {solver_iterations}; }
   /// Simulated time of one step, which is also the period in which it happens [s].
@@ -63,8 +63,8 @@ struct NodeConfig {
 /// @param wire Of the first haptic entry: with the paper's form, physics steps on packets unless told otherwise.
 [[nodiscard]] PhysicsConfig read_physics_config(rtbus::config::Map& map, const rtbus::config::LinkConfig& wire = {});
 
-/// Reads `proxy`, the keys of the link, and of `coupling` the stiffness. Leaves the rest of the entry, and its finish(), to the haptic node's
-/// reader. Throws rtbus::config::Error.
+/// Reads `proxy`, the keys of the link, and of `coupling` the stiffness. Leaves the rest of the entry, and its
+/// finish(), to the haptic node's reader. Throws rtbus::config::Error.
 [[nodiscard]] ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry);
 
 /// All of it. A program that checks a whole session calls this and haptic::read_haptic_config() for each entry, in any

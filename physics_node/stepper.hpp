@@ -16,14 +16,14 @@ namespace physics {
 ///
 /// Gains are configured at the device. In the world they are K·force_scale/position_scale, and the damping likewise,
 /// with the scales that came with the device state; a damping that follows from the damping ratio is 2ζ√(K_world·mass).
-/// Form of the method (ProxyConfig::wire.paper). Improved: the engine solves the spring implicitly, the damper acts on the
-/// velocity relative to the hand, the target moves during the step. Paper (He & Choi 2013, section III): the force of the
-/// spring is computed once, at the step's beginning, F = K(P_h − P_p) − B·V_p with the absolute velocity, and held over
-/// the step: an explicit spring, which diverges when h²·K or h·B of the whole step is large against the mass.
+/// Form of the method (ProxyConfig::wire.paper). Improved: the engine solves the spring implicitly, the damper acts on
+/// the velocity relative to the hand, the target moves during the step. Paper (He & Choi 2013, section III): the force
+/// of the spring is computed once, at the step's beginning, F = K(P_h − P_p) − B·V_p with the absolute velocity, and
+/// held over the step: an explicit spring, which diverges when h²·K or h·B of the whole step is large against the mass.
 ///
 /// A device that orders it (DeviceState::hand_stiffness_n_per_m …) also gets the force on the hand, eq. (3) and (4):
-/// K(P_p + n·h·V_p − P_h) − B·V_p with n = prediction_periods; in the improved form the damper is relative, B(V_p − V_h).
-/// One thread.
+/// K(P_p + n·h·V_p − P_h) − B·V_p with n = prediction_periods; in the improved form the damper is relative, B(V_p −
+/// V_h). One thread.
 class Stepper {
  public:
   Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps);

@@ -27,13 +27,13 @@ struct DeviceState {
   Quat target_orientation_wxyz{1, 0, 0, 0};  ///< q_WT.
   double position_scale = 1.0;               ///< Metres of world per metre of device.
   double force_scale = 1.0;                  ///< Newtons in the world per newton at the device.
-  double hand_stiffness_n_per_m = 0.0;       ///< Order for ProxyState::hand_force_n: K at the device; 0: none is wanted.
-  double hand_damping_n_s_per_m = 0.0;       ///< Likewise B.
-  double prediction_periods = 0.0;           ///< Likewise: how many steps ahead the proxy is taken (eq. 4); 0: eq. (3).
-  std::uint64_t sample_time_ns = 0;          ///< When the device measured the pose.
-  std::uint32_t buttons = 0;                 ///< Bit i: button i.
-  std::uint32_t mapping_epoch = 0;           ///< Grows when the mapping is re-based and each time forces are enabled.
-  std::uint32_t enabled = 0;                 ///< 1 while forces may act.
+  double hand_stiffness_n_per_m = 0.0;  ///< Order for ProxyState::hand_force_n: K at the device; 0: none is wanted.
+  double hand_damping_n_s_per_m = 0.0;  ///< Likewise B.
+  double prediction_periods = 0.0;      ///< Likewise: how many steps ahead the proxy is taken (eq. 4); 0: eq. (3).
+  std::uint64_t sample_time_ns = 0;     ///< When the device measured the pose.
+  std::uint32_t buttons = 0;            ///< Bit i: button i.
+  std::uint32_t mapping_epoch = 0;      ///< Grows when the mapping is re-based and each time forces are enabled.
+  std::uint32_t enabled = 0;            ///< 1 while forces may act.
   std::uint32_t reserved = 0;
 };
 
@@ -187,10 +187,9 @@ struct SampleTraits<ProxyState> {
       RTBUS_FIELD(T, orientation_wxyz, "1"), RTBUS_FIELD(T, angular_velocity_rad_s, "rad/s"),
       RTBUS_FIELD(T, coupling_force_n, "N"), RTBUS_FIELD(T, contact_force_n, "N"),
       RTBUS_FIELD(T, hand_force_n, "N"),     RTBUS_FIELD(T, step_s, "s"),
-      RTBUS_FIELD(T, step_compute_s, "s"),
-      RTBUS_FIELD(T, device_sequence, "1"),  RTBUS_FIELD(T, device_time_ns, "ns"),
-      RTBUS_FIELD(T, step_index, "1"),       RTBUS_FIELD(T, contacts, "1"),
-      RTBUS_FIELD(T, mapping_epoch, "1")};
+      RTBUS_FIELD(T, step_compute_s, "s"),   RTBUS_FIELD(T, device_sequence, "1"),
+      RTBUS_FIELD(T, device_time_ns, "ns"),  RTBUS_FIELD(T, step_index, "1"),
+      RTBUS_FIELD(T, contacts, "1"),         RTBUS_FIELD(T, mapping_epoch, "1")};
 };
 template <>
 struct SampleTraits<Heartbeat> {

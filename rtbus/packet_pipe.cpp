@@ -15,7 +15,8 @@ namespace rtbus {
 
 namespace {
 
-/// A folder that only this user may enter: $XDG_RUNTIME_DIR, else one of our own in /tmp. Empty when neither can be had.
+/// A folder that only this user may enter: $XDG_RUNTIME_DIR, else one of our own in /tmp. Empty when neither can be
+/// had.
 std::string private_folder() {
   const auto mine = [](const char* path) {
     struct stat info {};
@@ -101,7 +102,7 @@ bool PacketPipe::read_packet(void* bytes, std::size_t size) noexcept {
   do {
     got = ::read(in_, bytes, size);
   } while (got < 0 && errno == EINTR);
-  if (got == 0 && !server_) broken_ = true;  // the server has closed its end
+  if (got == 0 && !server_) broken_ = true;                   // the server has closed its end
   if (got > 0 && got != static_cast<ssize_t>(size)) drain();  // another program's bytes: find the border again
   return got == static_cast<ssize_t>(size);
 }

@@ -1,10 +1,10 @@
 #pragma once
 /// @file packet_pipe.hpp
-/// A duplex named pipe, as He & Choi (2013, section V.A) joined their processes: two POSIX FIFOs, one per direction. For
-/// comparison with the bus; every read and write is a system call, so it has no place in a realtime thread.
+/// A duplex named pipe, as He & Choi (2013, section V.A) joined their processes: two POSIX FIFOs, one per direction.
+/// For comparison with the bus; every read and write is a system call, so it has no place in a realtime thread.
 ///
-/// Each packet is one Stamped<T> behind a header that names its type, shorter than PIPE_BUF, so that it arrives whole or
-/// not at all (POSIX, write()). Nothing that is read is trusted: a header that does not fit empties the pipe.
+/// Each packet is one Stamped<T> behind a header that names its type, shorter than PIPE_BUF, so that it arrives whole
+/// or not at all (POSIX, write()). Nothing that is read is trusted: a header that does not fit empties the pipe.
 #include <unistd.h>
 
 #include <cstdint>

@@ -36,9 +36,9 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
     Experiment experiment("evaluate", options.experiment, command_line,
                           std::filesystem::path(options.out) / options.experiment);
     DropOptions drop;
-    drop.session_file = options.config.empty() ? find_session("drop.yaml") : options.config;
+    drop.session_file = options.config.empty() ? find_session("drop_paper.yaml") : options.config;
     drop.assignments = options.assignments;
-    drop.real_runs = options.quick ? 1 : 3;
+    drop.real_runs = options.quick ? 1 : 5;
     evaluate_drop(drop, experiment);
     return experiment.finish(options.json);
   } catch (const rtbus::config::Error& error) {
@@ -54,7 +54,7 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
 
 Action add_evaluate(CLI::App& command) {
   auto options = std::make_shared<EvaluateOptions>();
-  command.add_option("experiment", options->experiment, "drop: free fall onto a wall (paper, Fig. 8)")
+  command.add_option("experiment", options->experiment, "drop: free fall onto a wall (paper, Figs 8 to 11)")
       ->required()
       ->check(CLI::IsMember({"drop"}));
   command.add_flag("--quick", options->quick, "Fewer runs");

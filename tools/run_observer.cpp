@@ -34,8 +34,7 @@ HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::Hapt
     return law->make({config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes,
                       config.wire.paper && law->server_force == haptic::ServerForce::kNone, config.proxy_mass_kg});
   };
-  error_.emplace(config.mapping, make_law, static_cast<double>(config.period_ns()) * 1e-9,
-                 config.clutch_button < 0);
+  error_.emplace(config.mapping, make_law, static_cast<double>(config.period_ns()) * 1e-9, config.clutch_button < 0);
 }
 
 bool HapticObserver::attach() {

@@ -9,9 +9,9 @@
 namespace haptic {
 
 /// Eq. (1): f_j = f_{i−1} + (f_i − f_{i−1})·(j mod N)/N, j counting cycles since f_i arrived. N is the number of haptic
-/// cycles per physics step; the paper's eq. (2) prints that quotient upside down (T_h/T_s, 0.05 for its 1 ms and 20 ms).
-/// Its scale factor α is the mapping's 1/force_scale, which the force has gone through before it comes here. Eq. (3) and
-/// (4), the force itself, are made in physics_node/stepper.hpp: `interpolation_predicted` differs there only.
+/// cycles per physics step; the paper's eq. (2) prints that quotient upside down (T_h/T_s, 0.05 for its 1 ms and 20
+/// ms). Its scale factor α is the mapping's 1/force_scale, which the force has gone through before it comes here. Eq.
+/// (3) and (4), the force itself, are made in physics_node/stepper.hpp: `interpolation_predicted` differs there only.
 ///
 /// A force that is late is waited for at f_i; a sawtooth back to f_{i−1}, which j mod N would make, helps nobody.
 ///

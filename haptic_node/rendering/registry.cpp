@@ -18,8 +18,7 @@ std::unique_ptr<Renderer> make_direct(const RendererContext& context) {
 }
 
 std::unique_ptr<Renderer> make_remote_virtual_coupling(const RendererContext& context) {
-  return std::make_unique<RemoteVirtualCoupling>(context.stiffness_n_per_m, context.damping_n_s_per_m,
-                                                 context.paper);
+  return std::make_unique<RemoteVirtualCoupling>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.paper);
 }
 
 std::unique_ptr<Renderer> make_interpolation(const RendererContext& context) {

@@ -49,10 +49,9 @@ RenderOutput VirtualCoupling::render(const RenderInput& input) noexcept {
   RenderOutput out;
   out.proxy_position_m = mapping_.position_to_device(proxy_.position_m());
   out.proxy_velocity_m_s = mapping_.velocity_to_device(velocity_W_);
-  const Vector3d damped_m_s = paper_ ? Vector3d(-input.velocity_m_s)
-                                     : Vector3d(out.proxy_velocity_m_s - input.velocity_m_s);
-  out.force_n =
-      stiffness_n_per_m_ * (out.proxy_position_m - input.position_m) + damping_n_s_per_m_ * damped_m_s;
+  const Vector3d damped_m_s =
+      paper_ ? Vector3d(-input.velocity_m_s) : Vector3d(out.proxy_velocity_m_s - input.velocity_m_s);
+  out.force_n = stiffness_n_per_m_ * (out.proxy_position_m - input.position_m) + damping_n_s_per_m_ * damped_m_s;
   return out;
 }
 

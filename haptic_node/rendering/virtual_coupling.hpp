@@ -31,8 +31,7 @@ class VirtualCoupling final : public Renderer {
   void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
 
  private:
-  void step(const Eigen::Vector3d& tip_W, const Eigen::Vector3d& tip_velocity_W,
-            double h) noexcept RTBUS_NONBLOCKING;
+  void step(const Eigen::Vector3d& tip_W, const Eigen::Vector3d& tip_velocity_W, double h) noexcept RTBUS_NONBLOCKING;
 
   double stiffness_n_per_m_;
   double damping_n_s_per_m_;

@@ -21,7 +21,7 @@ namespace tools {
 
 /// What the link between the nodes does to the data, and when physics falls silent.
 struct HarnessOptions {
-  double latency_s = 0.0;           ///< From a step's publication to its arrival at the loop.
+  double latency_s = 0.0;  ///< From a step's publication to its arrival at the loop.
   /// Start of the first physics period after the start of the run. With `step_on: packet` the packets are sampled and
   /// answered at these instants, as by the paper's thread, which runs beside the loop and not in step with it.
   double physics_phase_s = 0.0;
