@@ -89,7 +89,12 @@ NodeConfig read_node_config(rtbus::config::SessionConfig& session) {
   }
   NodeConfig config{session.session, session.scene, {}, {}, session.file};
   config.physics = read_physics_config(*session.physics, rtbus::config::read_link_config(session.haptic.at(0).map));
-  for (rtbus::config::HapticEntry& entry : session.haptic) config.proxies.push_back(read_proxy_config(entry));
+  for (rtbus::config::HapticEntry& entry : session.haptic) {
+    config.proxies.push_back(read_proxy_config(entry));
+    if (config.proxies.back().wire.pipe != config.proxies.front().wire.pipe) {
+      entry.map.fail("link", "differs from that of the first haptic entry; physics serves all by pipe or none");
+    }
+  }
   return config;
 }
 
