@@ -155,7 +155,8 @@ TEST_P(BulletSession, RunsTwiceInTheSameWayAndTouches) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Shipped, BulletSession,
-                         testing::Values("stack_125", "stack_250", "stack_500", "free_block", "beads_mm", "mixed_sizes"),
+                         testing::Values("stack_125", "stack_250", "stack_500", "free_block", "beads_mm",
+                                         "mixed_sizes"),
                          [](const auto& row) { return std::string(row.param); });
 #endif
 
@@ -181,8 +182,8 @@ TEST(Clutch, MovesTheHandWithoutMovingTheToolAndReturnsWithoutAKick) {
   harness.run(1.0, [&](const Telemetry& tick) { EXPECT_LT(norm(tick.force_n), 0.5) << "no spring was stretched"; });
 }
 
-// The enable button is let go and pressed again within one step of slow physics, while the hand crosses the wall: physics
-// never sees the hand disabled, but its proxy, left at the old side, must not pull.
+// The enable button is let go and pressed again within one step of slow physics, while the hand crosses the wall:
+// physics never sees the hand disabled, but its proxy, left at the old side, must not pull.
 TEST(Enable, BeginsAtZeroStoredEnergyEvenBetweenTwoPhysicsSteps) {
   const std::string device =
       "{schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: push, start_m: [0, 0.01, 0], "

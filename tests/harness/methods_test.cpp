@@ -135,8 +135,8 @@ TEST(Forms, RepeatBitForBit) {
 
 TEST(Forms, ControlTheEnergyUnlessNobodyCanHoldTheDevice) {
   for (const char* form : {"improved", "paper"}) {
-    auto settings = rtbus::config::load_session(
-        config("drop_paper.yaml"), {rtbus::config::parse_override(std::string("haptic.0.form=") + form)});
+    auto settings = rtbus::config::load_session(config("drop_paper.yaml"),
+                                                {rtbus::config::parse_override(std::string("haptic.0.form=") + form)});
     const auto haptic = haptic::read_haptic_config(settings, 0);
     ASSERT_TRUE(haptic.device->info().simulated);
     EXPECT_EQ(haptic.safety.passivity.control, std::string(form) == "improved");
@@ -146,8 +146,8 @@ TEST(Forms, ControlTheEnergyUnlessNobodyCanHoldTheDevice) {
 TEST(LeftOut, NoPhysicsProcessIsStartedThatNoMethodAsksFor) {
   for (const haptic::RendererEntry& law : haptic::registered_renderers()) {
     const auto plan = tools::make_run_plan(config("drop_paper.yaml"), {"haptic.0.method=" + std::string(law.name)});
-    const bool physics = std::any_of(plan.nodes.begin(), plan.nodes.end(),
-                                     [](const auto& node) { return node.name == "physics"; });
+    const bool physics =
+        std::any_of(plan.nodes.begin(), plan.nodes.end(), [](const auto& node) { return node.name == "physics"; });
     EXPECT_EQ(physics, law.needs_physics) << law.name;
     EXPECT_EQ(plan.physics.has_value(), law.needs_physics) << law.name;
   }

@@ -104,12 +104,12 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   (*device)->stop();
 }
 
-INSTANTIATE_TEST_SUITE_P(Sessions, LoopOnTheBus, testing::Values(Run{"wall.yaml", ""}, Run{"drop.yaml", ""}, Run{"drop.yaml", "virtual_coupling"},
-                                         Run{"wall.yaml", "interpolation"}, Run{"wall.yaml", "interpolation_predicted"},
-                                         Run{"drop_paper.yaml", "interpolation"},
-                                         Run{"drop_paper.yaml", "interpolation_predicted"},
-                                         Run{"drop_paper.yaml", "remote_virtual_coupling"},
-                                         Run{"drop_paper.yaml", "virtual_coupling"}));
+INSTANTIATE_TEST_SUITE_P(
+    Sessions, LoopOnTheBus,
+    testing::Values(Run{"wall.yaml", ""}, Run{"drop.yaml", ""}, Run{"drop.yaml", "virtual_coupling"},
+                    Run{"wall.yaml", "interpolation"}, Run{"wall.yaml", "interpolation_predicted"},
+                    Run{"drop_paper.yaml", "interpolation"}, Run{"drop_paper.yaml", "interpolation_predicted"},
+                    Run{"drop_paper.yaml", "remote_virtual_coupling"}, Run{"drop_paper.yaml", "virtual_coupling"}));
 
 }  // namespace
 #endif

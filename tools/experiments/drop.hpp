@@ -48,16 +48,16 @@ struct DropCurve {
   std::string title;
   std::string style;  ///< gnuplot: "lw 2 lc rgb 'black'"
 };
-/// Height above force over time. The notes go onto the force, at the given times; NaN: none.
+/// Height above force over time.
 struct DropFigure {
   std::string stem;
   std::string title;
-  std::vector<DropCurve> curves;
+  std::vector<DropCurve> curves = {};
   double end_s = 1.0;
   double height_low_mm = 0.0, height_high_mm = 0.0;  ///< Equal: as the data ask.
   double force_low_n = 0.0, force_high_n = 0.0;      ///< Likewise.
   double marked_s = 0.0;                             ///< A published time; 0: none.
-  std::string mark;
+  std::string mark = {};
 };
 void write_fall(const std::filesystem::path& file, const FallTrace& trace);
 void draw_drop(Experiment& experiment, const std::vector<DropFigure>& figures);

@@ -68,23 +68,44 @@ Table sweep(const DropOptions& options, std::string name, std::string column, co
   return table;
 }
 
+/// Peak of the law's force while a hand moves up and down by 10 mm in free air, once a second: "0.31 N", or when it
+/// went beyond what the device can give.
+std::string hand_in_free_air(const DropOptions& options, std::vector<std::string> settings) {
+  settings.insert(
+      settings.begin(),
+      "haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: sinusoid, "
+      "centre_m: [0, 0.03, 0], amplitude_m: [0, 0.01, 0], frequency_hz: 1, impedance: firm}}");
+  settings.insert(settings.end(), options.assignments.begin(), options.assignments.end());
+  const FallTrace trace = fall_in_harness({options.session_file, settings, 4.0}, {});
+  double peak_n = 0.0;
+  char text[64];
+  for (std::size_t i = 0; i < trace.time_s.size(); ++i) {
+    peak_n = std::max(peak_n, std::abs(trace.rendered_n[i]));
+    if (peak_n > trace.max_force_n) {
+      std::snprintf(text, sizeof text, "diverged at %.2f s", trace.time_s[i]);
+      return text;
+    }
+  }
+  std::snprintf(text, sizeof text, "%.2f N", peak_n);
+  return text;
+}
+
 /// The server's spring alone: remote coupling at 50 packets per second, explicit and implicit.
 Table server_spring(const DropOptions& options) {
   Table table{"drop_server_spring",
               {"proxy stiffness [N/m]", "h*B/m", "explicit (form: paper)", "implicit (form: improved)"},
               {}};
-  const DropCase& remote = drop_cases()[3];
-  for (const double stiffness : {50.0, 100.0, 200.0, 300.0, 400.0, 500.0, 1000.0}) {
+  for (const double stiffness : {50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 500.0, 1000.0}) {
     constexpr double kMass_kg = 0.07, kRatio = 0.85, kStep_s = 0.02;
     const double damping = 2.0 * kRatio * std::sqrt(stiffness * kMass_kg);
-    std::vector<std::string> settings{set("link_rate_hz", 1.0 / kStep_s), set("proxy.mass_kg", kMass_kg),
-                                      set("proxy.stiffness_n_per_m", stiffness),
-                                      set("proxy.damping_n_s_per_m", damping)};
-    std::vector<Cell> row{stiffness, kStep_s * damping / kMass_kg,
-                          falls(options, remote, settings, kSensitivityPhases, 0.0).text()};
+    std::vector<std::string> settings{
+        "haptic.0.method=remote_virtual_coupling", set("coupling.stiffness_n_per_m", 100.0),
+        set("link_rate_hz", 1.0 / kStep_s),        set("proxy.mass_kg", kMass_kg),
+        set("proxy.stiffness_n_per_m", stiffness), set("proxy.damping_n_s_per_m", damping)};
+    std::vector<Cell> row{stiffness, kStep_s * damping / kMass_kg, hand_in_free_air(options, settings)};
     settings.emplace_back("haptic.0.form=improved");
     settings.emplace_back("physics.step_on=packet");
-    row.emplace_back(falls(options, remote, settings, kSensitivityPhases, 0.0).text());
+    row.emplace_back(hand_in_free_air(options, settings));
     table.rows.push_back(std::move(row));
   }
   return table;
