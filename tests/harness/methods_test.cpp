@@ -89,7 +89,9 @@ TEST_P(NeedsPhysics, GivesNoForceBeforeAnAnswerToASampleOfThisEnabling) {
     if (tick.device_time_ns <= ticks.front().device_time_ns + 1'050'000'000ULL || enabled_ns == 0) continue;
     // The newest proxy answers the sample measured proxy_age before now: an older one has no say.
     if (tick.proxy_sequence == 0) peak_n = std::max(peak_n, norm(tick.force_n));
-    if (tick.proxy_sequence != 0) EXPECT_GE(tick.device_time_ns - tick.proxy_age_ns, enabled_ns);
+    if (tick.proxy_sequence != 0) {
+      EXPECT_GE(tick.device_time_ns - tick.proxy_age_ns, enabled_ns);
+    }
   }
   EXPECT_EQ(peak_n, 0.0);
 }
