@@ -73,6 +73,7 @@ TEST(DropSensitivity, TheExplicitServerSpringDivergesWhereTheImplicitOneDoesNot)
     setup.session_file = options().session_file;
     setup.duration_s = 4.0;
     setup.assignments = {
+        "scene.bodies.wall.position_m=[0, -10, 0]",  // out of the way: the proxy must not be caught by it
         "haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: sinusoid, "
         "centre_m: "
         "[0, 0.03, 0], amplitude_m: [0, 0.01, 0], frequency_hz: 1, impedance: firm}}",

@@ -71,6 +71,7 @@ Table sweep(const DropOptions& options, std::string name, std::string column, co
 /// Peak of the law's force while a hand moves up and down by 10 mm in free air, once a second: "0.31 N", or when it
 /// went beyond what the device can give.
 std::string hand_in_free_air(const DropOptions& options, std::vector<std::string> settings) {
+  settings.insert(settings.begin(), "scene.bodies.wall.position_m=[0, -10, 0]");  // it must not catch the proxy
   settings.insert(
       settings.begin(),
       "haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: sinusoid, "
