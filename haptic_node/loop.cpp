@@ -45,11 +45,13 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       safety_(config.safety),
       monitor_(config.link),
       force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {
-  if (find_renderer(config.method)->server_force != ServerForce::kNone) {
+  const RendererEntry& law = *find_renderer(config.method);
+  if (law.server_force != ServerForce::kNone) {
     state_.hand_stiffness_n_per_m = config.stiffness_n_per_m;
     state_.hand_damping_n_s_per_m = config.damping_n_s_per_m;
     state_.prediction_periods = config.prediction_periods;
   }
+  state_.wants = law.needs_contacts ? std::uint32_t{rtbus::kWantsContacts} : 0U;
 }
 
 void Loop::note(LoopEvent event) noexcept {

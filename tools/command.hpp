@@ -22,5 +22,7 @@ Action add_top(CLI::App& command);
 Action add_clean(CLI::App& command);
 Action add_doctor(CLI::App& command);
 Action add_evaluate(CLI::App& command);
+Action add_bench(CLI::App& command);
+Action add_still(CLI::App& command);
 
 }  // namespace tools

@@ -11,7 +11,7 @@ namespace tools {
 
 /// A figure held against its bar.
 struct Check {
-  std::string id;    ///< "drop.direct.settling"
+  std::string id;    ///< "drop.fig8_direct.real.settling"
   std::string what;  ///< For people.
   double value = 0.0;
   std::string unit;
@@ -35,6 +35,7 @@ class Experiment {
 
   /// Passes when low ≤ value ≤ high. @returns whether it does.
   bool check_between(std::string id, std::string what, double value, std::string unit, double low, double high);
+  bool check_at_least(std::string id, std::string what, double value, std::string unit, double low);
   bool check_at_most(std::string id, std::string what, double value, std::string unit, double high);
 
   void add_table(Table table);

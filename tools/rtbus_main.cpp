@@ -22,9 +22,11 @@ constexpr Entry kCommands[] = {
     {"echo", "Print the samples of a topic", &tools::add_echo},
     {"hz", "Rate and jitter of a topic", &tools::add_hz},
     {"top", "Live monitor of a session", &tools::add_top},
+    {"still", "Render a picture of a session's scene", &tools::add_still},
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},
     {"evaluate", "Run an experiment and check its figures", &tools::add_evaluate},
+    {"bench", "Measure this machine: what a physics step costs", &tools::add_bench},
 };
 
 constexpr const char* kFooter =

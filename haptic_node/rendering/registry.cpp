@@ -35,11 +35,11 @@ std::unique_ptr<Renderer> make_virtual_coupling(const RendererContext& context) 
 }
 
 constexpr std::array kRenderers{
-    RendererEntry{"direct", false, &make_direct},
-    RendererEntry{"virtual_coupling", false, &make_virtual_coupling},
-    RendererEntry{"remote_virtual_coupling", true, &make_remote_virtual_coupling},
-    RendererEntry{"interpolation", true, &make_interpolation, ServerForce::kPlain},
-    RendererEntry{"interpolation_predicted", true, &make_interpolation_predicted, ServerForce::kPredicted},
+    RendererEntry{"direct", false, false, &make_direct},
+    RendererEntry{"virtual_coupling", false, false, &make_virtual_coupling},
+    RendererEntry{"remote_virtual_coupling", true, false, &make_remote_virtual_coupling},
+    RendererEntry{"interpolation", true, false, &make_interpolation, ServerForce::kPlain},
+    RendererEntry{"interpolation_predicted", true, false, &make_interpolation_predicted, ServerForce::kPredicted},
 };
 
 }  // namespace
