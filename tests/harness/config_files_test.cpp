@@ -56,9 +56,9 @@ TEST(ShippedScenes, AreAcceptedInASession) {
   const std::string config = std::string(RTBUS_SOURCE_DIR) + "/config/";
   for (const auto& entry : std::filesystem::directory_iterator(config + "scenes")) {
     if (entry.path().extension() != ".yaml") continue;
-    EXPECT_NO_THROW(read_everything(config + "wall.yaml",
-                                    {rtbus::config::parse_override("scene=" + entry.path().string()),
-                                     rtbus::config::parse_override("physics.engine=bullet")}))
+    EXPECT_NO_THROW(
+        read_everything(config + "wall.yaml", {rtbus::config::parse_override("scene=" + entry.path().string()),
+                                               rtbus::config::parse_override("physics.engine=bullet")}))
         << entry.path();
   }
   // What stands still and is a plane, a sphere or a box needs no Bullet.

@@ -342,8 +342,8 @@ TEST(Clutch, MovesTheHandWithoutMovingTheToolAndReturnsWithoutAKick) {
   harness.run(1.0, [&](const Telemetry& tick) { EXPECT_LT(norm(tick.force_n), 0.5) << "no spring was stretched"; });
 }
 
-// The enable button is let go and pressed again within one step of slow physics, while the hand crosses the wall: physics
-// never sees the hand disabled, but its proxy, left at the old side, must not pull.
+// The enable button is let go and pressed again within one step of slow physics, while the hand crosses the wall:
+// physics never sees the hand disabled, but its proxy, left at the old side, must not pull.
 TEST(Enable, BeginsAtZeroStoredEnergyEvenBetweenTwoPhysicsSteps) {
   const std::string device =
       "{schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: push, start_m: [0, 0.01, 0], "
