@@ -184,7 +184,7 @@ TEST_P(BulletSession, RunsTwiceInTheSameWayAndTouches) {
   for (std::uint64_t& each : hash) {
     auto settings = session(std::string(GetParam()) + ".yaml");
     Harness harness(settings, {});
-    harness.run(5.0, [&peak_n](const Telemetry& tick) { peak_n = std::max(peak_n, norm(tick.force_n)); });
+    harness.run(7.0, [&peak_n](const Telemetry& tick) { peak_n = std::max(peak_n, norm(tick.force_n)); });
     each = harness.hash();
   }
   EXPECT_EQ(hash[0], hash[1]);
