@@ -24,7 +24,8 @@ namespace {
 
 constexpr std::uint64_t kPoll_ns = 20 * rtbus::kNsPerMs;
 constexpr double kStartPatience_s = 15.0;
-constexpr double kSettle_s = 1.2;  // bodies that rest fall asleep after 0.5 s
+constexpr double kLagPatience_s = 60.0;  // for kSettle_s of simulated time on a machine that is busy with others
+constexpr double kSettle_s = 1.2;        // bodies that rest fall asleep after 0.5 s
 
 /// One run, from start to end.
 class LiveRun {
@@ -37,7 +38,8 @@ class LiveRun {
 
   std::optional<LiveFigures> operator()(double duration_s) {
     std::optional<LiveFigures> figures;
-    if (start() && settle(kSettle_s) && wait([&] { return simulated_long_enough(); })) {
+    if (start() && settle(kSettle_s) &&
+        wait([&] { return simulated_long_enough(); }, kLagPatience_s, "simulate enough")) {
       const auto before = cpu_s();
       const auto published = counts();
       const std::uint64_t began_ns = rtbus::monotonic_ns();
@@ -120,11 +122,11 @@ class LiveRun {
   }
 
   template <class Condition>
-  bool wait(const Condition& condition) {
-    const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(kStartPatience_s * 1e9);
+  bool wait(const Condition& condition, double patience_s = kStartPatience_s, const char* what = "start") {
+    const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(patience_s * 1e9);
     while (!condition()) {
       if (rtbus::monotonic_ns() > end_ns) {
-        std::fprintf(stderr, "%s did not start within %.0f s\n", variant_.session_file.c_str(), kStartPatience_s);
+        std::fprintf(stderr, "%s did not %s within %.0f s\n", variant_.session_file.c_str(), what, patience_s);
         return false;
       }
       if (!poll()) return false;

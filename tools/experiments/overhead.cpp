@@ -124,7 +124,7 @@ void measure(std::vector<Part>& parts, const OverheadOptions& options) {
   }
 }
 
-void add_tables(const std::vector<Part>& parts, Experiment& experiment) {
+void add_tables(const std::vector<Part>& parts, int rounds, Experiment& experiment) {
   Table things{"overhead_things",
                {"session", "part", "libraries", "processes", "threads", "topics", "shm [KiB]", "resident [MiB]"},
                {}};
@@ -153,6 +153,11 @@ void add_tables(const std::vector<Part>& parts, Experiment& experiment) {
   }
   experiment.add_table(std::move(things));
   experiment.add_table(std::move(time));
+  for (const Part& part : parts) {
+    if (part.with.size() == static_cast<std::size_t>(rounds)) continue;
+    experiment.note(part.session + ", " + part.name + ": only " + std::to_string(part.with.size()) + " of " +
+                    std::to_string(rounds) + " pairs ran through");
+  }
   experiment.note(
       "things: left out + what the part adds (median of the pairs); time: median [least…most] of the pairs");
 }
@@ -326,7 +331,7 @@ void evaluate_overhead(const OverheadOptions& options, Experiment& experiment) {
   std::vector<Part> parts = parts_of(options);
   measure(parts, options);
   check_parts(parts, experiment);
-  add_tables(parts, experiment);
+  add_tables(parts, options.rounds, experiment);
   draw(parts, experiment);
 }
 
