@@ -22,8 +22,8 @@ class Top : public tests::Nodes {
     start(80, 24, "C.UTF-8");
   }
   void TearDown() override {
-    // Kept for people: set RTBUS_SCREENS to a folder.
     terminal_.reset();
+    unlink((settings_file() + ".pid").c_str());
     if (tests::Tmux::available()) Nodes::TearDown();
   }
   void start(int width, int height, const std::string& locale) {
@@ -31,7 +31,9 @@ class Top : public tests::Nodes {
     terminal_.emplace(width, height, locale);
     ASSERT_TRUE(terminal_->shows("ready>"));
     terminal_->type("stty -a > " + settings_file());
-    terminal_->type("clear; " + binary("rtbus") + " top --session " + bus_.name);
+    // One shell more, so that the monitor's process number is known.
+    terminal_->type("clear; sh -c \"echo \\$\\$ > " + settings_file() + ".pid; exec " + binary("rtbus") +
+                    " top --session " + bus_.name + "\"");
   }
   void start_session() {
     start_physics();
@@ -39,7 +41,7 @@ class Top : public tests::Nodes {
     ASSERT_TRUE(terminal_->shows("haptic0 alive")) << terminal_->seen();
     ASSERT_TRUE(terminal_->shows("physics alive")) << terminal_->seen();
   }
-  /// Shows `text`, and keeps the screen that did under `name` when somebody wants to look at it.
+  /// Shows `text`. With RTBUS_SCREENS=folder the screen that did is kept there under `name`, to be looked at.
   void expect(const std::string& text, const std::string& name = "") {
     EXPECT_TRUE(terminal_->shows(text)) << "no '" << text << "' in\n" << terminal_->seen();
     const char* const folder = std::getenv("RTBUS_SCREENS");
@@ -58,13 +60,21 @@ class Top : public tests::Nodes {
     unlink(settings_file().c_str());
     unlink((settings_file() + ".after").c_str());
   }
+  /// Signals the monitor.
+  void signal_top(int number) {
+    const std::string file = settings_file() + ".pid";
+    const int pid = std::atoi(text_of_file(file).c_str());
+    unlink(file.c_str());
+    ASSERT_GT(pid, 1);
+    ASSERT_EQ(::kill(pid, number), 0);
+  }
   [[nodiscard]] std::string settings_file() const { return testing::TempDir() + bus_.name + ".stty"; }
   static std::string text_of_file(const std::string& path) {
     std::ostringstream text;
     text << std::ifstream(path).rdbuf();
     return text.str();
   }
-  /// A widened window has not broken a line: none is longer than it.
+  /// Cells of the longest line.
   static std::size_t widest_line(const std::string& screen) {
     std::istringstream lines(screen);
     std::size_t widest = 0;
@@ -156,7 +166,7 @@ TEST_F(Top, DrawsInAsciiWhereTheLocaleHasNothingElse) {
 
 TEST_F(Top, RestoresTheTerminalAtSigterm) {
   start_session();
-  const tests::Child killer({"pkill", "-TERM", "-f", "top --session " + bus_.name}, "/dev/null");
+  signal_top(SIGTERM);
   expect_sane_terminal();
 }
 
@@ -164,7 +174,7 @@ TEST_F(Top, ItsDeathIsInvisibleToTheNodes) {
   start_session();
   auto stats = reader<rtbus::LoopStats>("haptic0.loop_stats");
   ASSERT_TRUE(stats);
-  const tests::Child killer({"pkill", "-KILL", "-f", "top --session " + bus_.name}, "/dev/null");
+  signal_top(SIGKILL);
   EXPECT_TRUE(terminal_->shows("ready>"));
   rtbus::Stamped<rtbus::LoopStats> now;
   std::uint64_t first = 0;
