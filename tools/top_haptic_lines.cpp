@@ -285,7 +285,7 @@ void HapticLines::add_cut(Lines& lines) const {
   } else if (view_.loss_age_s) {
     line.add("physics lost", Tone::kWarn).add(print("  %.0f s ago", *view_.loss_age_s));
   } else {
-    line.add(view_.recent ? "none seen" : "not followed", Tone::kDim);
+    line.add(view_.recent ? "none since this monitor looks" : "not followed", Tone::kDim);
   }
   lines.push_back(std::move(line));
 }

@@ -53,7 +53,7 @@ std::string clock_text(double seconds) {
 
 std::string three_figures(double value) {
   const double size = std::abs(value);
-  if (!(size < 1e6)) return print("%.3g", value);
+  if (!(size < 1e6) || size < 0.995) return print("%.3g", value);
   return print("%.*f", size >= 99.95 ? 0 : size >= 9.995 ? 1 : 2, value);
 }
 

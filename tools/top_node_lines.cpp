@@ -60,18 +60,16 @@ Lines haptic_lines(const HapticView& view, Detail detail, bool chosen, const Lin
   if (detail == Detail::kRoomy) part.add_granted(lines);
   part.add_rate(lines);
   if (detail >= Detail::kFigures) part.add_wakeup(lines);
-  if (detail >= Detail::kDrawn) part.add_jitter(lines);
+  if (detail >= Detail::kSketched) part.add_jitter(lines);
   if (detail >= Detail::kFigures) part.add_compute(lines);
   part.add_force(lines);
-  if (detail >= Detail::kDrawn) part.add_force_curve(lines);
+  if (detail >= Detail::kSketched) part.add_force_curve(lines);
   if (detail >= Detail::kFigures) part.add_position(lines);
-  if (detail >= Detail::kDrawn) part.add_position_curves(lines);
+  if (detail >= Detail::kSketched) part.add_position_curves(lines);
   if (detail >= Detail::kFigures) part.add_energy(lines);
   part.add_safety(lines);
-  if (detail >= Detail::kDrawn) {
-    part.add_cut(lines);
-    add_left_out(lines, view.info, style);
-  }
+  if (detail >= Detail::kSketched) part.add_cut(lines);
+  if (detail >= Detail::kDrawn) add_left_out(lines, view.info, style);
   return lines;
 }
 
@@ -82,7 +80,8 @@ Lines physics_lines(const PhysicsView& view, Detail detail, const LineStyle& sty
   add_restarts(head, view.life);
   if (view.info) {
     head.add("  " + text_of(view.info->kind)).add(", " + text_of(view.info->clock));
-    head.add(print(", %u bodies", view.info->bodies)).add(", " + granted_text(*view.info));
+    head.add(print(", %u bod%s", view.info->bodies, view.info->bodies == 1 ? "y" : "ies"))
+        .add(", " + granted_text(*view.info));
   }
   lines.push_back(std::move(head));
   if (view.stats) {

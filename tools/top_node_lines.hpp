@@ -8,10 +8,11 @@ namespace tools {
 
 /// How much room a node gets.
 enum class Detail : std::uint8_t {
-  kTight,    ///< What tells whether all is well.
-  kFigures,  ///< All figures.
-  kDrawn,    ///< With histogram and sparklines, one line each.
-  kRoomy,    ///< With tall ones.
+  kTight,     ///< What tells whether all is well.
+  kFigures,   ///< All figures.
+  kSketched,  ///< With histogram and sparklines, one line each.
+  kDrawn,     ///< With what was left out.
+  kRoomy,     ///< With tall drawings.
 };
 
 /// What all lines of a screen have in common.

@@ -62,10 +62,11 @@ Lines node_lines(const TopSnapshot& snapshot, const TopChoice& choice, Detail ch
 
 Lines nodes_that_fit(const TopSnapshot& snapshot, const TopChoice& choice, int room, const LineStyle& style) {
   constexpr std::pair<Detail, Detail> kSteps[] = {
-      {Detail::kRoomy, Detail::kRoomy}, {Detail::kRoomy, Detail::kTight},     {Detail::kDrawn, Detail::kDrawn},
-      {Detail::kDrawn, Detail::kTight}, {Detail::kFigures, Detail::kFigures}, {Detail::kFigures, Detail::kTight},
-      {Detail::kTight, Detail::kTight}};
-  const int for_topics = std::min(3, static_cast<int>(snapshot.topics.size()) + 1);
+      {Detail::kRoomy, Detail::kRoomy},   {Detail::kRoomy, Detail::kTight},    {Detail::kDrawn, Detail::kDrawn},
+      {Detail::kDrawn, Detail::kTight},   {Detail::kSketched, Detail::kTight}, {Detail::kFigures, Detail::kFigures},
+      {Detail::kFigures, Detail::kTight}, {Detail::kTight, Detail::kTight}};
+  // In a small window the topics step back: they have a page of their own.
+  const int for_topics = room < 20 ? 1 : std::min(3, static_cast<int>(snapshot.topics.size()) + 1);
   Lines lines;
   for (const auto& [chosen, others] : kSteps) {
     lines = node_lines(snapshot, choice, chosen, others, style);
@@ -105,7 +106,11 @@ ViewLine topic_heading(std::size_t name_width) {
 
 /// @param room Lines there are, the heading among them; negative: any number.
 void add_topics(Lines& lines, const std::vector<TopicView>& topics, int room, int width) {
-  if (topics.empty() || room == 0 || room == 1) return;
+  if (topics.empty() || room == 0) return;
+  if (room == 1) {
+    lines.emplace_back(print("topics: %zu, press t", topics.size()), Tone::kDim);
+    return;
+  }
   const std::size_t name_width = name_width_of(topics);
   if (room < 0 || static_cast<int>(topics.size()) < room) {
     lines.push_back(topic_heading(name_width));

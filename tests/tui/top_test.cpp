@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <fstream>
 #include <sstream>
 
@@ -185,7 +187,7 @@ TEST_F(Top, ItsDeathIsInvisibleToTheNodes) {
   }));
   EXPECT_EQ(now.value.losses, 0u);
   // Nobody looks any more: the telemetry ends by itself.
-  auto ticks = Reader<rtbus::Telemetry>::open(bus_, "haptic0.telemetry", {});
+  auto ticks = rtbus::Reader<rtbus::Telemetry>::open(bus_, "haptic0.telemetry", {});
   ASSERT_TRUE(ticks);
   rtbus::Stamped<rtbus::Telemetry> tick;
   EXPECT_TRUE(tests::eventually(10.0, [&] {

@@ -66,6 +66,19 @@ TEST_P(Windows, ShowTopicPagesOfTheirSize) {
   }
 }
 
+TEST(TopView, PointsToTheTopicPageWhereOneLineIsLeft) {
+  EXPECT_THAT(screen(snapshot(), 60, 20), HasSubstr("topics: 9, press t"));
+}
+
+TEST(ThreeFigures, AreThreeAlsoBelowOne) {
+  EXPECT_EQ(tools::three_figures(0.000361), "0.000361");
+  EXPECT_EQ(tools::three_figures(1.0), "1.00");
+  EXPECT_EQ(tools::three_figures(13.94), "13.9");
+  EXPECT_EQ(tools::three_figures(99.96), "100");
+  EXPECT_EQ(tools::three_figures(3642.4), "3642");
+  EXPECT_EQ(tools::three_figures(0.0), "0");
+}
+
 class UsualWindows : public testing::TestWithParam<std::pair<int, int>> {};
 INSTANTIATE_TEST_SUITE_P(TopView, UsualWindows,
                          testing::Values(std::pair{80, 24}, std::pair{60, 20}, std::pair{120, 40}));
@@ -163,7 +176,7 @@ TEST(TopView, NamesOnlyTheSafetyRungsThatActed) {
 
 TEST(TopView, SaysWhenAndWhyTheForceWasCut) {
   auto of = snapshot();
-  EXPECT_THAT(all(of), HasSubstr("last cut  none seen"));
+  EXPECT_THAT(all(of), HasSubstr("last cut  none since this monitor looks"));
   of.haptic[0].recent->cut = tools::CutView{haptic::kOverspeed, 3.25, 0.1, false};
   EXPECT_THAT(all(of), HasSubstr("last cut  overspeed  3.2 s ago, for 0.100 s"));
   of.haptic[0].recent->cut = tools::CutView{haptic::kStale | haptic::kDeviceLost, 0.5, 0.5, true};
