@@ -195,7 +195,7 @@ void HapticLines::add_position(Lines& lines) const {
                 " " + units.length_unit());
   const bool on = view_.device->enabled != 0;
   line.add(on ? "   forces on" : "   forces OFF", on ? Tone::kPlain : Tone::kWarn);
-  line.add(print("   speed %.3f m/s", std::hypot(v[0], v[1], v[2])));
+  line.add(print("   speed %.3f m/s", norm_of(v)));
   line.add("   buttons" + (pressed.empty() ? std::string(" -") : pressed));
   lines.push_back(std::move(line));
 }
@@ -204,7 +204,7 @@ void HapticLines::add_position_curves(Lines& lines) const {
   if (!view_.recent || view_.recent->position_m.empty()) return;
   const std::vector<rtbus::Vec3>& all = view_.recent->position_m;
   const bool tall = detail_ == Detail::kRoomy;
-  const std::size_t width = tall ? columns(20) : std::max<std::size_t>(4, (columns(0) - 27) / 3);
+  const std::size_t width = tall ? columns(20) : std::max<std::size_t>(4, columns(27) / 3);
   ViewLine line(margin());
   for (std::size_t axis = 0; axis < 3; ++axis) {
     std::vector<double> values(all.size());

@@ -24,6 +24,8 @@ std::size_t bin_of(double wakeup_us) {
 
 }  // namespace
 
+double norm_of(const rtbus::Vec3& v) noexcept { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
 std::uint32_t cut_bits(std::uint32_t safety) noexcept {
   return safety & (haptic::kOverspeed | haptic::kStale | haptic::kNonfinite | haptic::kDeviceLost | haptic::kDisabled);
 }
@@ -31,7 +33,7 @@ std::uint32_t cut_bits(std::uint32_t safety) noexcept {
 void RecentSignals::take(const rtbus::Telemetry& tick, std::uint64_t stamp_ns) {
   const std::uint64_t slot = stamp_ns / kSlot_ns;
   if (slots_.empty() || slots_.back().index != slot) slots_.push_back({slot, 0.0, {}});
-  const double norm_n = std::hypot(tick.force_n[0], tick.force_n[1], tick.force_n[2]);
+  const double norm_n = norm_of(tick.force_n);
   // A force that is no number must stay visible: it counts as more than any other.
   const double shown_n = std::isnan(norm_n) ? std::numeric_limits<double>::infinity() : norm_n;
   slots_.back().force_n = std::max(slots_.back().force_n, shown_n);

@@ -16,6 +16,9 @@ namespace tools {
 inline constexpr std::array<double, 9> kJitterEdges_us = {5, 10, 20, 50, 100, 200, 500, 1000, 2000};
 using JitterBins = std::array<std::uint64_t, kJitterEdges_us.size() + 1>;
 
+/// Length of a vector; NaN when a part of it is. (libstdc++'s hypot of three may make a zero of that.)
+[[nodiscard]] double norm_of(const rtbus::Vec3& v) noexcept;
+
 /// Bits of Telemetry::safety that take the force away altogether, or fade it out.
 [[nodiscard]] std::uint32_t cut_bits(std::uint32_t safety) noexcept;
 

@@ -65,11 +65,12 @@ Lines nodes_that_fit(const TopSnapshot& snapshot, const TopChoice& choice, int r
       {Detail::kRoomy, Detail::kRoomy},   {Detail::kRoomy, Detail::kTight},    {Detail::kDrawn, Detail::kDrawn},
       {Detail::kDrawn, Detail::kTight},   {Detail::kSketched, Detail::kTight}, {Detail::kFigures, Detail::kFigures},
       {Detail::kFigures, Detail::kTight}, {Detail::kTight, Detail::kTight}};
-  // In a small window the topics step back: they have a page of their own.
-  const int for_topics = room < 20 ? 1 : std::min(3, static_cast<int>(snapshot.topics.size()) + 1);
+  const int some_topics = room < 20 ? 1 : std::min(3, static_cast<int>(snapshot.topics.size()) + 1);
   Lines lines;
   for (const auto& [chosen, others] : kSteps) {
     lines = node_lines(snapshot, choice, chosen, others, style);
+    // Topics have a page of their own: they step back before figures do, and in a small window before drawings.
+    const int for_topics = chosen >= Detail::kSketched ? some_topics : 1;
     if (room < 0 || static_cast<int>(lines.size()) <= room - for_topics) break;
   }
   return lines;

@@ -17,7 +17,8 @@ namespace tools {
                                const TopChoice& choice, int width, int height);
 
 /// Nodes and topics. What does not fit is shortened in this order: topics down to three lines, then drawings, then
-/// details of the nodes that are not chosen, then of the chosen one; what was left out is counted.
+/// the rest of the topics, then details of the nodes that are not chosen, then of the chosen one; what was left out is
+/// counted.
 [[nodiscard]] Lines overview_lines(const TopSnapshot& snapshot, const TopChoice& choice, int width, int height);
 
 /// All topics, and the fields of the chosen one.

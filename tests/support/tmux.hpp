@@ -18,8 +18,9 @@ class Tmux {
   /// @param locale For the shell and what it starts, for example "C.UTF-8".
   Tmux(int width, int height, const std::string& locale)
       : server_("tmux -L rtbus_test_" + std::to_string(getpid()) + "_" + std::to_string(++made_)) {
-    (void)run("env -u TMUX LC_ALL=" + locale + " PS1='ready> ' " + server_ + " -u -f /dev/null new -d -x " +
-              std::to_string(width) + " -y " + std::to_string(height) + " 'sh -i'");
+    (void)run("env -u TMUX LC_ALL=" + locale + " " + server_ + " -u -f /dev/null new -d -x " + std::to_string(width) +
+              " -y " + std::to_string(height) + " 'sh -i'");
+    type("PS1=\"rea\"\"dy> \"; clear");  // typed so that it is not yet what one waits for
   }
   ~Tmux() { (void)run(server_ + " kill-server"); }
   Tmux(const Tmux&) = delete;

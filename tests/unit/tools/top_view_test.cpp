@@ -124,6 +124,7 @@ TEST(TopView, DropsDetailsBeforeItDropsANode) {
   EXPECT_THAT(text, HasSubstr("haptic2 alive"));
   EXPECT_THAT(text, HasSubstr("physics alive"));
   // Only the chosen one in full.
+  EXPECT_THAT(text, HasSubstr("position"));
   EXPECT_EQ(text.find("position"), text.rfind("position"));
 }
 
@@ -131,6 +132,7 @@ TEST(TopView, GivesTheRoomToTheChosenNode) {
   auto chosen = choice();
   chosen.node = "haptic2";
   const std::string text = joined(overview_lines(snapshot(3, 9), chosen, 80, 24));
+  EXPECT_THAT(text, HasSubstr("position"));
   EXPECT_GT(text.find("position"), text.find("haptic2 alive"));
   chosen.node = "gone";
   EXPECT_LT(joined(overview_lines(snapshot(3, 9), chosen, 80, 24)).find("position"), text.find("haptic2 alive"));
