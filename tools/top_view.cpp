@@ -65,7 +65,9 @@ Lines nodes_that_fit(const TopSnapshot& snapshot, const TopChoice& choice, int r
       {Detail::kRoomy, Detail::kRoomy},   {Detail::kRoomy, Detail::kTight},    {Detail::kDrawn, Detail::kDrawn},
       {Detail::kDrawn, Detail::kTight},   {Detail::kSketched, Detail::kTight}, {Detail::kFigures, Detail::kFigures},
       {Detail::kFigures, Detail::kTight}, {Detail::kTight, Detail::kTight}};
-  const int some_topics = room < 20 ? 1 : std::min(3, static_cast<int>(snapshot.topics.size()) + 1);
+  // With several hands the drawings of the chosen one are worth more than topics.
+  const int some_topics =
+      room < 20 || snapshot.haptic.size() > 1 ? 1 : std::min(3, static_cast<int>(snapshot.topics.size()) + 1);
   Lines lines;
   for (const auto& [chosen, others] : kSteps) {
     lines = node_lines(snapshot, choice, chosen, others, style);

@@ -128,6 +128,14 @@ TEST(TopView, DropsDetailsBeforeItDropsANode) {
   EXPECT_EQ(text.find("position"), text.rfind("position"));
 }
 
+TEST(TopView, DrawsTheChosenOneOfTwoHandsIn80x24) {
+  auto chosen = choice();
+  chosen.node = "haptic1";
+  const std::string text = joined(overview_lines(snapshot(2, 16), chosen, 80, 24));
+  EXPECT_THAT(text, HasSubstr("jitter"));
+  EXPECT_GT(text.find("jitter"), text.find("haptic1 alive"));
+}
+
 TEST(TopView, GivesTheRoomToTheChosenNode) {
   auto chosen = choice();
   chosen.node = "haptic2";
