@@ -151,7 +151,9 @@ IoStatus IoDevice::read(std::uint64_t now_ns, DeviceSample& out) noexcept RTBUS_
 IoStatus IoDevice::write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING {
   if (state_.load(std::memory_order_acquire) != LinkState::kRunning) return IoStatus::kLost;
   Force force{command.force_n, now_ns};
-  const double norm = std::hypot(force.force_n[0], force.force_n[1], force.force_n[2]);
+  // Not std::hypot of three: libstdc++'s gives 0 for (0, NaN, 0).
+  const auto& [x, y, z] = force.force_n;
+  const double norm = std::sqrt(x * x + y * y + z * z);
   const double limit_n = settings_.info.max_force_n;
   if (!std::isfinite(norm)) {
     force.force_n = {};
