@@ -22,5 +22,10 @@ Action add_top(CLI::App& command);
 Action add_clean(CLI::App& command);
 Action add_doctor(CLI::App& command);
 Action add_evaluate(CLI::App& command);
+#if RTBUS_WITH_HDF5
+Action add_record(CLI::App& command);
+Action add_mark(CLI::App& command);
+Action add_export(CLI::App& command);
+#endif
 
 }  // namespace tools
