@@ -26,6 +26,7 @@ Action add_evaluate(CLI::App& command);
 Action add_record(CLI::App& command);
 Action add_mark(CLI::App& command);
 Action add_export(CLI::App& command);
+Action add_plot(CLI::App& command);
 #endif
 
 }  // namespace tools

@@ -26,6 +26,7 @@ constexpr Entry kCommands[] = {
     {"record", "Record a session into an HDF5 file", &tools::add_record},
     {"mark", "Note an event in the recordings under way", &tools::add_mark},
     {"export", "What a recording holds, or all of it as CSV", &tools::add_export},
+    {"plot", "Draw signals of a recording or of a running session", &tools::add_plot},
 #endif
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},

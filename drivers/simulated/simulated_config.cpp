@@ -81,6 +81,21 @@ void complete_info(const MechanicsParameters& m, DeviceInfo& info) {
 
 }  // namespace
 
+DeviceInfo parse_model_info(Map& file) {
+  const Model& model = parse_model(file);
+  MechanicsParameters mechanics = model.mechanics;
+  DeviceInfo info = model.limits;
+  info.model = std::string(model.name);
+  info.continuous_force_n = std::min(info.continuous_force_n, mechanics.max_force_n);
+  if (auto limits = file.optional_map("limits")) {
+    parse_limits(*limits, mechanics, info);
+    limits->finish();
+  }
+  complete_info(mechanics, info);
+  info.can_pace_loop = false;
+  return info;
+}
+
 std::unique_ptr<DeviceConfig> parse(Map& file) {
   const Model& model = parse_model(file);
   SimulatedSettings settings;

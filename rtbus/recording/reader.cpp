@@ -251,6 +251,11 @@ std::vector<std::uint64_t> Recording::sequences(const RecordedTopic& topic, std:
   return impl_->numbers(topic, "sequence", first, count);
 }
 
+std::vector<std::uint64_t> Recording::integers(const RecordedTopic& topic, const std::string& field,
+                                               std::uint64_t first, std::uint64_t count) const {
+  return impl_->numbers(topic, field.c_str(), first, count);
+}
+
 std::vector<double> Recording::column(const RecordedTopic& topic, const std::string& field, std::uint32_t element,
                                       std::uint64_t first, std::uint64_t count) const {
   std::vector<double> out(rows_from(topic, first, count));

@@ -56,6 +56,9 @@ class Recording {
   [[nodiscard]] std::vector<double> column(const RecordedTopic& topic, const std::string& field,
                                            std::uint32_t element = 0, std::uint64_t first = 0,
                                            std::uint64_t count = UINT64_MAX) const;
+  /// The same for integers, without rounding: stamps in nanoseconds do not fit a double.
+  [[nodiscard]] std::vector<std::uint64_t> integers(const RecordedTopic& topic, const std::string& field,
+                                                    std::uint64_t first = 0, std::uint64_t count = UINT64_MAX) const;
   /// The samples of those rows as they came off the bus, one after the other, `sample_bytes` each.
   [[nodiscard]] std::vector<std::byte> samples(const RecordedTopic& topic, std::uint64_t first = 0,
                                                std::uint64_t count = UINT64_MAX) const;
