@@ -7,8 +7,8 @@
 
 #include "haptic_node/loop.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/publication.hpp"
 #include "rtbus/subscription.hpp"
-#include "rtbus/topic.hpp"
 
 namespace haptic {
 
@@ -17,7 +17,7 @@ namespace haptic {
 class BusLink final : public PhysicsLink {
  public:
   /// @param needs_physics False: the incoming topics are left out.
-  BusLink(rtbus::Writer<rtbus::DeviceState> device_state, const rtbus::Session& session, const std::string& node,
+  BusLink(rtbus::Publication<rtbus::DeviceState> device_state, const rtbus::Session& session, const std::string& node,
           bool needs_physics)
       : device_state_(std::move(device_state)) {
     if (!needs_physics) return;
@@ -35,14 +35,18 @@ class BusLink final : public PhysicsLink {
     return heartbeat_ && heartbeat_->read_latest(out) == rtbus::ReadStatus::kFresh;
   }
 
-  /// Finds physics, and finds it again after a restart. About every 20 ms. @realtime No.
+  /// Finds physics, finds it again after a restart, and makes the own topic anew when it was deleted. About every
+  /// 20 ms. @realtime No.
   void maintain() noexcept {
+    device_state_.maintain();
     if (proxy_state_) proxy_state_->maintain();
     if (heartbeat_) heartbeat_->maintain();
   }
 
+  [[nodiscard]] const rtbus::Publication<rtbus::DeviceState>& device_state() const noexcept { return device_state_; }
+
  private:
-  rtbus::Writer<rtbus::DeviceState> device_state_;
+  rtbus::Publication<rtbus::DeviceState> device_state_;
   std::unique_ptr<rtbus::Subscription<rtbus::ProxyState>> proxy_state_;
   std::unique_ptr<rtbus::Subscription<rtbus::Heartbeat>> heartbeat_;
 };

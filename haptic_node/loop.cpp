@@ -40,7 +40,9 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       velocity_(config.velocity_cutoff_hz),
       safety_(config.safety),
       monitor_(config.link),
-      force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {}
+      force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {
+  state_.wants = find_renderer(config.method)->needs_contacts ? std::uint32_t{rtbus::kWantsContacts} : 0U;
+}
 
 void Loop::note(LoopEvent event) noexcept {
   if (event_count_ < kMaxEvents) events_[event_count_++] = event;

@@ -2,7 +2,6 @@
 /// priority → loop. Everything that may fail for a reason of the user's fails before the loop starts.
 #include <pthread.h>
 #include <signal.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -11,22 +10,14 @@
 #include "haptic_node/node.hpp"
 #include "haptic_node/node_config.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/ending_signals.hpp"
 #include "rtbus/leash.hpp"
+#include "rtbus/node_log.hpp"
 
 namespace {
 
 constexpr int kExitFailed = 1;
 constexpr int kExitUsage = 2;
-
-/// Blocks the signals that end the node in every thread; main() waits for them. SIGPIPE must not end anything.
-sigset_t block_ending_signals() {
-  sigset_t ending;
-  sigemptyset(&ending);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
-  pthread_sigmask(SIG_BLOCK, &ending, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-  return ending;
-}
 
 /// Stacks are locked into memory: 8 MiB for each thread would be waste.
 void use_small_stacks() {
@@ -53,9 +44,8 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
 
-  spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_node"));
-  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
-  const sigset_t ending = block_ending_signals();
+  rtbus::log_to_stderr("haptic_node");
+  const sigset_t ending = rtbus::block_ending_signals();
   if (!rtbus::stay_on_leash()) return kExitFailed;
   use_small_stacks();
 

@@ -1,6 +1,5 @@
 #include "haptic_node/node.hpp"
 
-#include <poll.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -13,7 +12,7 @@
 #include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/pacer.hpp"
-#include "rtbus/topic.hpp"
+#include "rtbus/publication.hpp"
 
 namespace haptic {
 
@@ -63,10 +62,23 @@ std::uint32_t two_seconds(double rate_hz) { return std::bit_ceil(static_cast<std
 /// The node's ends of its topics.
 struct Node::Topics {
   BusLink link;
-  rtbus::Writer<rtbus::Telemetry> telemetry;
-  rtbus::Writer<rtbus::LoopStats> loop_stats;
-  rtbus::Writer<rtbus::Heartbeat> heartbeat;
-  rtbus::Writer<rtbus::NodeInfo> node_info;
+  rtbus::Publication<rtbus::Telemetry> telemetry;
+  rtbus::Publication<rtbus::LoopStats> loop_stats;
+  rtbus::Publication<rtbus::Heartbeat> heartbeat;
+  rtbus::Publication<rtbus::NodeInfo> node_info;
+
+  /// Housekeeping: makes anew what somebody has deleted, and finds physics.
+  void maintain() noexcept {
+    heartbeat.maintain();
+    link.maintain();
+    telemetry.maintain();
+    loop_stats.maintain();
+    node_info.maintain();
+  }
+  /// How often that was needed, and whether it fails. Any thread.
+  [[nodiscard]] rtbus::RenewalCount renewals() const noexcept {
+    return rtbus::count_renewals(heartbeat, link.device_state(), telemetry, loop_stats, node_info);
+  }
 };
 
 Node::Node(HapticConfig config) : config_(std::move(config)) {}
@@ -78,7 +90,7 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const char* subject, std::uint32_t capacity) {
     const std::string topic = settings.name + "." + subject;
-    auto writer = rtbus::Writer<T>::create(session, topic, {.capacity = capacity});
+    auto writer = rtbus::Publication<T>::create(session, topic, {.capacity = capacity});
     if (!writer && failed.empty()) {
       failed = "session " + session.name + ": topic " + topic + ": " + rtbus::to_string(writer.error());
     }
@@ -232,13 +244,13 @@ void Node::run_device(std::uint64_t start_ns) noexcept {
 
 void Node::report_events() {
   events_.drain([this](const rtbus::Event& record) {
-    // A terminal or pipe that takes no text may not hold up whoever has to end this node: what cannot be told is
-    // dropped.
-    pollfd out{STDERR_FILENO, POLLOUT, 0};
-    if (::poll(&out, 1, 0) != 1 || (out.revents & POLLOUT) == 0) return;
     const auto event = static_cast<LoopEvent>(record.code);
     spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));
   });
+  if (const rtbus::RenewalCount renewals = topics_->renewals(); renewals != renewals_told_) {
+    spdlog::warn("{}: {}", config_.name, renewals.text());
+    renewals_told_ = renewals;
+  }
 }
 
 void Node::publish_stats(double achieved_hz) noexcept {
@@ -278,7 +290,7 @@ void Node::house_thread() noexcept {
     beat.last_work_ns = last_tick_ns_.load(std::memory_order_relaxed);
     beat.state = static_cast<std::uint32_t>(stop_.load() ? rtbus::NodeState::kStopping : rtbus::NodeState::kRunning);
     topics_->heartbeat.publish(beat, now_ns);
-    topics_->link.maintain();
+    topics_->maintain();
     device_->maintain();
     observed_.store(topics_->telemetry.observed(), std::memory_order_relaxed);
     if (round % kStatsEvery == 0) publish_stats(achieved_hz);

@@ -10,6 +10,7 @@
 #include "haptic_node/loop.hpp"
 #include "haptic_node/node_config.hpp"
 #include "rtbus/event_log.hpp"
+#include "rtbus/publication.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/segment.hpp"
 
@@ -33,8 +34,7 @@ class Node {
   /// Starts both threads. Fails when `realtime.policy: enforce` was not granted.
   [[nodiscard]] rtbus::Result<void, NodeFault> start();
 
-  /// Tells the user, on stderr, what the loop has noted since the last call; drops what stderr would not take at once.
-  /// One thread. @realtime No.
+  /// Tells the user what the loop and the housekeeping have noted since the last call. One thread. @realtime No.
   void report_events();
 
   /// Ends the loop at zero force, stops the device, publishes the last statistics. Idempotent.
@@ -57,6 +57,7 @@ class Node {
   std::unique_ptr<drivers::Device> device_;
   std::unique_ptr<Loop> loop_;
   rtbus::EventLog events_;
+  rtbus::RenewalCount renewals_told_;
   rtbus::RealtimeGrant grant_;
   std::atomic<bool> granted_{false};
   std::atomic<bool> stop_{false};

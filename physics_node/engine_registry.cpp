@@ -74,10 +74,9 @@ std::unique_ptr<World> make_bullet(const Scene& scene, const EngineSettings& set
 }
 
 constexpr EngineEntry kEngines[] = {
-    {"analytic", "Exact contact with static planes, spheres and boxes",
-     "Bullet, moving bodies, soft bodies, body poses, contact constraints on the link", "", &make_analytic},
-    {"bullet", "Bullet: rigid bodies that move, stack and sleep",
-     "soft bodies, body poses, contact constraints on the link", "libphysics_bullet.so", &make_bullet},
+    {"analytic", "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies, soft bodies", "",
+     &make_analytic},
+    {"bullet", "Bullet: rigid bodies that move, stack and sleep", "soft bodies", "libphysics_bullet.so", &make_bullet},
 };
 
 }  // namespace

@@ -2,7 +2,6 @@
 /// user's fails before the loop starts.
 #include <pthread.h>
 #include <signal.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <string.h>
 
@@ -16,22 +15,14 @@
 #include "physics_node/node.hpp"
 #include "physics_node/node_config.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/ending_signals.hpp"
 #include "rtbus/leash.hpp"
+#include "rtbus/node_log.hpp"
 
 namespace {
 
 constexpr int kExitFailed = 1;
 constexpr int kExitUsage = 2;
-
-/// Blocks the signals that end the node in every thread; main() waits for them. SIGPIPE must not end anything.
-sigset_t block_ending_signals() {
-  sigset_t ending;
-  sigemptyset(&ending);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
-  pthread_sigmask(SIG_BLOCK, &ending, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-  return ending;
-}
 
 std::string help_footer() {
   std::string text = "Engines (physics.engine):\n";
@@ -40,7 +31,8 @@ std::string help_footer() {
   }
   text +=
       "\nReads <haptic>.device_state of every haptic entry of the session; publishes physics.proxy_state.<haptic>,\n"
-      "physics.heartbeat, physics.step_stats and physics.node_info. SIGINT or SIGTERM ends it and removes its topics.\n"
+      "physics.heartbeat, physics.step_stats and physics.node_info, and physics.contacts.<haptic> when a force law or\n"
+      "physics.contacts asks for it. SIGINT or SIGTERM ends it and removes its topics.\n"
       "Exit status: 0 ended by a signal, 1 failed (for example: another physics node runs this session),\n"
       "2 wrong usage or configuration.";
   return text;
@@ -68,9 +60,8 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : kExitUsage;
   }
 
-  spdlog::set_default_logger(spdlog::stderr_color_mt("physics_node"));
-  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
-  const sigset_t ending = block_ending_signals();
+  rtbus::log_to_stderr("physics_node");
+  const sigset_t ending = rtbus::block_ending_signals();
 
   std::unique_ptr<physics::Node> node;
   try {
@@ -91,7 +82,7 @@ int main(int argc, char** argv) {
   node->start();
   int received = 0;
   sigwait(&ending, &received);
-  spdlog::info("physics: {}, ending", strsignal(received));
   node->stop();
+  spdlog::info("physics: {}, ended", strsignal(received));
   return 0;
 }

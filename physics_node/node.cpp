@@ -12,15 +12,17 @@
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/pacer.hpp"
+#include "rtbus/publication.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/subscription.hpp"
-#include "rtbus/topic.hpp"
 
 namespace physics {
 namespace {
 
 constexpr int kStatsEvery = 10;                                // beats: 5 Hz
 constexpr int kInfoEvery = 50;                                 // 1 Hz
+constexpr double kKeepsUp = 0.97;                              // of real time; less is worth a warning
+constexpr int kWarnAgainAfter = 50;                            // statistics: 10 s
 constexpr std::uint64_t kLongestNapNs = 20 * rtbus::kNsPerMs;  // a stop waits no longer than this
 
 template <std::size_t N>
@@ -33,33 +35,49 @@ void set_text(rtbus::Text<N>& out, std::string_view text) {
 
 /// The node's ends of its topics.
 struct Node::Topics {
-  rtbus::Writer<rtbus::Heartbeat> heartbeat;
-  rtbus::Writer<rtbus::StepStats> step_stats;
-  rtbus::Writer<rtbus::NodeInfo> node_info;
-  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;                             // one per haptic node
+  rtbus::Publication<rtbus::Heartbeat> heartbeat;
+  rtbus::Publication<rtbus::StepStats> step_stats;
+  rtbus::Publication<rtbus::NodeInfo> node_info;
+  std::vector<rtbus::Publication<rtbus::ProxyState>> proxy_states;                        // one per haptic node
   std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
+
+  /// Finds the haptic nodes, and makes anew what somebody has deleted.
+  void maintain() noexcept {
+    heartbeat.maintain();
+    for (auto& proxy : proxy_states) proxy.maintain();
+    for (const auto& subscription : device_states) subscription->maintain();
+    step_stats.maintain();
+    node_info.maintain();
+  }
+  /// How often that was needed, and whether it fails.
+  [[nodiscard]] rtbus::RenewalCount renewals() const noexcept {
+    rtbus::RenewalCount count = rtbus::count_renewals(heartbeat, step_stats, node_info);
+    for (const auto& proxy : proxy_states) count += rtbus::count_renewals(proxy);
+    return count;
+  }
 };
 
-Node::Node(NodeConfig config) : config_(std::move(config)), heard_ns_(config_.proxies.size(), 0) {}
+Node::Node(NodeConfig config)
+    : config_(std::move(config)), contact_topics_(config_), heard_ns_(config_.proxies.size(), 0) {}
 
 Node::~Node() { stop(); }
 
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
   const NodeConfig& settings = node->config_;
-  node->stepper_ = std::make_unique<Stepper>(
-      make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()), settings.proxies,
-      settings.physics.parts_per_step());
+  node->stepper_ =
+      std::make_unique<Stepper>(make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()),
+                                settings.proxies, settings.physics.parts_per_step());
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
-    auto writer = rtbus::Writer<T>::create(settings.session, topic, {.capacity = capacity});
+    auto writer = rtbus::Publication<T>::create(settings.session, topic, {.capacity = capacity});
     if (!writer && failed.empty()) {
       failed = "session " + settings.session.name + ": topic " + topic + ": " + rtbus::to_string(writer.error());
     }
     return writer;
   };
-  std::vector<rtbus::Writer<rtbus::ProxyState>> proxy_states;
+  std::vector<rtbus::Publication<rtbus::ProxyState>> proxy_states;
   for (const ProxyConfig& proxy : settings.proxies) {
     auto writer = create(std::type_identity<rtbus::ProxyState>{}, "physics.proxy_state." + proxy.device, 1024);
     if (writer) proxy_states.push_back(std::move(*writer));
@@ -67,6 +85,17 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "physics.heartbeat", 16);
   auto step_stats = create(std::type_identity<rtbus::StepStats>{}, "physics.step_stats", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
+  const auto& bodies = settings.scene.bodies;
+  if (std::any_of(bodies.begin(), bodies.end(),
+                  [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; })) {
+    auto poses = PosePublisher::create(settings.session, node->stepper_->world().bodies());
+    if (poses) {
+      node->poses_ = std::move(*poses);
+    } else if (failed.empty()) {
+      failed = "session " + settings.session.name + ": topic physics.body_poses: " + rtbus::to_string(poses.error());
+    }
+  }
+  if (failed.empty()) failed = node->contact_topics_.open();
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
   node->topics_ = std::make_unique<Topics>(
@@ -80,17 +109,10 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
-  const EngineEntry* engine = find_engine(physics.engine);
-  if (physics.throttle_hz) {
-    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, throttled to {:g} Hz, {} parts per step",
-                 physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(),
-                 *physics.throttle_hz, physics.parts_per_step());
-  } else {
-    spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {:g} Hz, {} parts per step", physics.engine,
-                 config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.rate_hz,
-                 physics.parts_per_step());
-  }
-  spdlog::info("physics: left out: {}", engine->left_out);
+  spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {} at {}{:g} Hz, {} parts per step",
+               physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.clock(),
+               physics.pace == Pace::kFree ? "not less than " : "", 1.0 / physics.step_s(), physics.parts_per_step());
+  spdlog::info("physics: left out: {}", left_out());
   for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
     spdlog::warn("physics: {}", warning);
   }
@@ -118,6 +140,17 @@ bool Node::sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept {
   return false;
 }
 
+std::string Node::left_out() const {
+  std::string text(find_engine(config_.physics.engine)->left_out);
+  if (!poses_) {
+    text += ", body poses";
+  } else if (!poses_->observed()) {
+    text += ", body poses while nobody looks";
+  }
+  if (!contact_topics_.in_use()) text += ", contact constraints while no force law asks for them";
+  return text;
+}
+
 void Node::read_devices() noexcept {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
   for (std::size_t i = 0; i < heard_ns_.size(); ++i) {
@@ -127,7 +160,7 @@ void Node::read_devices() noexcept {
       heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
     }
     if (heard_ns_[i] != 0 && now_ns > heard_ns_[i] + kDeviceSilentNs) {
-      stepper_->hold_target(i);
+      stepper_->release(i);
       heard_ns_[i] = 0;
     }
   }
@@ -140,12 +173,22 @@ void Node::publish_answers(std::uint64_t compute_ns) noexcept {
     state.step_compute_s = static_cast<double>(compute_ns) * 1e-9;
     topics_->proxy_states[i].publish(state, now_ns);
   }
+  contact_topics_.publish(*stepper_, now_ns);
   last_compute_ns_.store(compute_ns, std::memory_order_relaxed);
   last_work_ns_.store(now_ns, std::memory_order_relaxed);
 }
 
-void Node::step_thread() noexcept {
-  rtbus::name_this_thread("physics_step");
+void Node::count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s, bool late) noexcept {
+  step_time_ns_.record(compute_ns);
+  due_.store(due, std::memory_order_relaxed);
+  wall_s_.store(wall_s, std::memory_order_relaxed);
+  simulated_s_.store(stepper_->simulated_s(), std::memory_order_relaxed);
+  ignored_.store(stepper_->ignored_states(), std::memory_order_relaxed);
+  if (late) late_.fetch_add(1, std::memory_order_relaxed);
+  steps_.fetch_add(1, std::memory_order_relaxed);
+}
+
+void Node::step_on_time() noexcept {
   const double step_s = config_.physics.step_s();
   const bool throttled = config_.physics.throttle_hz.has_value();
   rtbus::Pacer pacer(rtbus::monotonic_ns(), period_ns());
@@ -160,11 +203,40 @@ void Node::step_thread() noexcept {
     const bool late = pacer.advance(ended_ns) > 0;
     if (throttled && !late && !sleep_unless_stopped(pacer.due_ns())) break;
     publish_answers(ended_ns - began_ns);
+    count_step(ended_ns - began_ns, pacer.due(), static_cast<double>(pacer.due()) * step_s, late);
+    // After the answers have left: the hand does not wait for pictures.
+    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
+  }
+}
 
-    step_time_ns_.record(ended_ns - began_ns);
-    steps_.fetch_add(1, std::memory_order_relaxed);
-    if (late) late_.fetch_add(1, std::memory_order_relaxed);
-    ignored_.store(stepper_->ignored_states(), std::memory_order_relaxed);
+void Node::step_freely() noexcept {
+  if (!rtbus::stay_off_cores(config_.haptic_cores)) {
+    spdlog::warn("physics: runs freely on a core of a haptic loop: there is no other; give the process a second CPU");
+  }
+  const std::uint64_t longest_ns = period_ns();
+  const std::uint64_t start_ns = rtbus::monotonic_ns();
+  std::uint64_t before_ns = start_ns;
+
+  while (sleep_unless_stopped(before_ns + kShortestFreeStepNs)) {
+    read_devices();
+    const std::uint64_t began_ns = rtbus::monotonic_ns();
+    const std::uint64_t elapsed_ns = began_ns - before_ns;
+    before_ns = began_ns;
+    stepper_->step(static_cast<double>(std::min(elapsed_ns, longest_ns)) * 1e-9);
+    const std::uint64_t ended_ns = rtbus::monotonic_ns();
+    publish_answers(ended_ns - began_ns);
+    count_step(ended_ns - began_ns, stepper_->steps(), rtbus::seconds_between(start_ns, began_ns),
+               elapsed_ns > longest_ns);
+    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
+  }
+}
+
+void Node::step_thread() noexcept {
+  rtbus::name_this_thread("physics_step");
+  if (config_.physics.pace == Pace::kFree) {
+    step_freely();
+  } else {
+    step_on_time();
   }
 }
 
@@ -176,10 +248,9 @@ void Node::beat_thread() noexcept {
   rtbus::NodeInfo info;
   set_text(info.role, "physics");
   set_text(info.kind, physics.engine);
-  set_text(info.clock, physics.throttle_hz ? "throttled" : "fixed");
+  set_text(info.clock, physics.clock());
   set_text(info.scheduling, "SCHED_OTHER");
   set_text(info.realtime, "none asked for");
-  set_text(info.left_out, find_engine(physics.engine)->left_out);
   info.rate_hz = 1.0 / physics.step_s();
   info.core = 0xffffffff;
   info.bodies = static_cast<std::uint32_t>(stepper_->world().bodies());
@@ -205,7 +276,9 @@ void Node::beat_thread() noexcept {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     stats.steps = steps_.load(std::memory_order_relaxed);
     stats.late = late_.load(std::memory_order_relaxed);
-    stats.simulated_s = static_cast<double>(stats.steps) * physics.step_s();
+    stats.due = due_.load(std::memory_order_relaxed);
+    stats.simulated_s = simulated_s_.load(std::memory_order_relaxed);
+    stats.wall_s = wall_s_.load(std::memory_order_relaxed);
     stats.step_p50_ms = static_cast<double>(step_time_ns_.percentile(0.50)) * 1e-6;
     stats.step_p99_ms = static_cast<double>(step_time_ns_.percentile(0.99)) * 1e-6;
     stats.step_max_ms = static_cast<double>(step_time_ns_.max()) * 1e-6;
@@ -217,22 +290,49 @@ void Node::beat_thread() noexcept {
     topics_->step_stats.publish(stats, now_ns);
   };
 
+  // An engine that cannot keep up is told to the user at once, and again while it lasts, but not every second.
+  double checked_wall_s = 0.0, checked_simulated_s = 0.0;
+  int quiet_rounds = 0;
+  const auto warn_when_slow = [&] {
+    if (--quiet_rounds > 0 || stats.wall_s - checked_wall_s < 0.9) return;
+    const double share = (stats.simulated_s - checked_simulated_s) / (stats.wall_s - checked_wall_s);
+    checked_wall_s = stats.wall_s;
+    checked_simulated_s = stats.simulated_s;
+    if (share > kKeepsUp) return;
+    spdlog::warn(
+        "physics: too slow for {:g} Hz: simulated time runs at {:.0f} % of real time (median step so far {:.3g} ms); "
+        "lower physics.rate_hz or physics.solver_iterations, or make the scene smaller",
+        stats.rate_hz, 100.0 * share, stats.step_p50_ms);
+    quiet_rounds = kWarnAgainAfter;
+  };
+
   std::uint64_t warned_ignored = 0;
+  rtbus::RenewalCount told;
   std::uint64_t due_ns = rtbus::monotonic_ns();
   for (int round = 0; !stop_beats_.load(std::memory_order_acquire); ++round) {
     const bool stepped = steps_.load(std::memory_order_relaxed) > 0;
     publish_beat(stop_steps_.load(std::memory_order_relaxed) ? rtbus::NodeState::kStopping
                  : stepped                                   ? rtbus::NodeState::kRunning
                                                              : rtbus::NodeState::kStarting);
-    for (const auto& subscription : topics_->device_states) subscription->maintain();
-    if (round % kStatsEvery == 0) publish_stats(false);
+    topics_->maintain();
+    if (poses_) poses_->maintain();
+    if (const std::string failed = contact_topics_.maintain(); !failed.empty()) spdlog::warn("physics: {}", failed);
+    if (round % kStatsEvery == 0) {
+      publish_stats(false);
+      warn_when_slow();
+    }
     if (round % kInfoEvery == 0) {
+      set_text(info.left_out, left_out());
       topics_->node_info.publish(info, rtbus::monotonic_ns());
       const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
       if (ignored > warned_ignored) {
         spdlog::warn("physics: {} device states ignored so far: a value was not finite, or a scale not above 0",
                      ignored);
         warned_ignored = ignored;
+      }
+      if (const rtbus::RenewalCount renewals = topics_->renewals(); renewals != told) {
+        spdlog::warn("physics: {}", renewals.text());
+        told = renewals;
       }
     }
     due_ns = std::max(due_ns + kBeatPeriodNs, rtbus::monotonic_ns());

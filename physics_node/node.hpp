@@ -7,12 +7,15 @@
 /// slow engine and a dead process look different. Both are SCHED_OTHER: the hand's safety does not rest on this
 /// process.
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "physics_node/contact_topics.hpp"
 #include "physics_node/node_config.hpp"
+#include "physics_node/pose_publisher.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/result.hpp"
@@ -31,12 +34,18 @@ struct NodeFault {
 /// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
 /// engine would deliver it.
 ///
-/// A haptic node that is silent for longer than kDeviceSilentNs leaves its proxy pulled to its last target, at rest;
-/// when it speaks again, the proxy starts anew at the target it names.
+/// Free clock: steps back to back. Each advances the time since the step before it began, so simulated time follows the
+/// wall clock at whatever rate the engine manages. A step is never longer than 1/rate_hz, for which the scene was made:
+/// an engine slower than that falls behind the wall clock, and the step counts as late. Nor is it shorter than
+/// kShortestFreeStepNs: a faster engine waits. The step thread keeps off the CPUs of the haptic loops.
+///
+/// The proxy of a haptic node that is silent for longer than kDeviceSilentNs lets go: it pulls and touches nothing.
+/// When the node speaks again, the proxy starts anew at the target it names.
 class Node {
  public:
   static constexpr std::uint64_t kDeviceSilentNs = 100'000'000;
   static constexpr std::uint64_t kBeatPeriodNs = 20'000'000;
+  static constexpr std::uint64_t kShortestFreeStepNs = 50'000;
 
   /// Makes the world and creates the topics. Throws rtbus::config::Error when the engine refuses the scene.
   [[nodiscard]] static rtbus::Result<std::unique_ptr<Node>, NodeFault> open(NodeConfig config);
@@ -52,20 +61,27 @@ class Node {
   struct Topics;
   explicit Node(NodeConfig config);
   void step_thread() noexcept;
+  void step_on_time() noexcept;
+  void step_freely() noexcept;
+  void count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s, bool late) noexcept;
   void beat_thread() noexcept;
   void read_devices() noexcept;
   void publish_answers(std::uint64_t compute_ns) noexcept;
+  [[nodiscard]] std::string left_out() const;
   [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
 
   NodeConfig config_;
   std::unique_ptr<Topics> topics_;
-  std::unique_ptr<Stepper> stepper_;     // of the step thread once it runs
-  std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed
+  ContactTopics contact_topics_;
+  std::unique_ptr<Stepper> stepper_;      // of the step thread once it runs
+  std::unique_ptr<PosePublisher> poses_;  // null: nothing in this scene moves
+  std::vector<std::uint64_t> heard_ns_;   // when each device last published; 0: never, or silence already noticed
 
   // Written by the step thread, read by the beat thread.
   rtbus::Histogram step_time_ns_;
-  std::atomic<std::uint64_t> steps_{0}, late_{0}, ignored_{0}, last_work_ns_{0}, last_compute_ns_{0};
+  std::atomic<std::uint64_t> steps_{0}, due_{0}, late_{0}, ignored_{0}, last_work_ns_{0}, last_compute_ns_{0};
+  std::atomic<double> simulated_s_{0.0}, wall_s_{0.0};  // of the steps so far; the time in which they were due
 
   std::atomic<bool> stop_steps_{false}, stop_beats_{false};
   std::thread step_thread_, beat_thread_;

@@ -13,6 +13,15 @@ using rtbus::config::Map;
 /// More parts than this in one step is a slip of a digit: even the cheapest engine would need a tenth of a second.
 constexpr double kMaxPartsPerStep = 100'000.0;
 
+/// `realtime.core` of a haptic entry; its own reader says what is wrong with it.
+int haptic_core(rtbus::config::HapticEntry& entry) {
+  auto realtime = entry.map.optional_map("realtime");
+  if (!realtime || !realtime->has("core")) return -1;
+  const std::string core = realtime->text("core");
+  const bool number = !core.empty() && core.size() <= 4 && core.find_first_not_of("0123456789") == std::string::npos;
+  return number ? std::stoi(core) : -1;
+}
+
 }  // namespace
 
 int PhysicsConfig::parts_per_step() const noexcept {
@@ -21,15 +30,26 @@ int PhysicsConfig::parts_per_step() const noexcept {
   return static_cast<int>(periods) * substeps;
 }
 
+const char* PhysicsConfig::clock() const noexcept {
+  if (pace == Pace::kFree) return "free";
+  return throttle_hz ? "throttled" : "fixed";
+}
+
 PhysicsConfig read_physics_config(Map& map) {
   PhysicsConfig config;
   config.engine = map.choice("engine", engine_names(), config.engine);
+  if (map.choice("pace", {"fixed", "free"}, "fixed") == "free") config.pace = Pace::kFree;
   config.rate_hz = map.number("rate_hz", {1.0, 20000.0}, config.rate_hz);
   if (map.has("throttle_hz")) config.throttle_hz = map.number("throttle_hz", {0.5, 1000.0});
   config.substeps = static_cast<int>(map.integer("substeps", 1, 1000, config.substeps));
   config.solver_iterations = static_cast<int>(map.integer("solver_iterations", 1, 1000, config.solver_iterations));
+  config.contacts_always = map.choice("contacts", {"auto", "on"}, "auto") == "on";
+  if (map.has("contact_radius_m")) config.contact_radius_m = map.number("contact_radius_m", {1e-6, 10.0});
   if (config.throttle_hz && *config.throttle_hz > config.rate_hz) {
     map.fail("throttle_hz", "is above physics.rate_hz: a throttle slows the steps down; lower it or leave it out");
+  }
+  if (config.throttle_hz && config.pace == Pace::kFree) {
+    map.fail("throttle_hz", "slows the steps down, which pace: free lets run; leave out one of them");
   }
   const double periods = config.throttle_hz ? config.rate_hz / *config.throttle_hz : 1.0;
   if (periods * config.substeps > kMaxPartsPerStep) {
@@ -50,6 +70,7 @@ ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
     has_stiffness = proxy->has("stiffness_n_per_m");
     if (has_stiffness) config.stiffness_n_per_m = proxy->number("stiffness_n_per_m", {0.1, 1e5});
     if (proxy->has("damping_n_s_per_m")) config.damping_n_s_per_m = proxy->number("damping_n_s_per_m", {0.0, 1e4});
+    config.lead_steps = proxy->number("lead_steps", {0.0, 2.0}, config.lead_steps);
     const std::vector<double> p = proxy->numbers("position_m", 3, {-1000.0, 1000.0}, {0.0, 0.0, 0.0});
     config.position_m = {p[0], p[1], p[2]};
     proxy->finish();
@@ -72,8 +93,11 @@ NodeConfig read_node_config(rtbus::config::SessionConfig& session) {
                                ": the session has no physics map, so there is nothing to simulate; add "
                                "'physics: {engine: analytic}' or start the haptic node alone");
   }
-  NodeConfig config{session.session, session.scene, read_physics_config(*session.physics), {}, session.file};
-  for (rtbus::config::HapticEntry& entry : session.haptic) config.proxies.push_back(read_proxy_config(entry));
+  NodeConfig config{session.session, session.scene, read_physics_config(*session.physics), {}, {}, session.file};
+  for (rtbus::config::HapticEntry& entry : session.haptic) {
+    config.proxies.push_back(read_proxy_config(entry));
+    config.haptic_cores.push_back(haptic_core(entry));
+  }
   return config;
 }
 

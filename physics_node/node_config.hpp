@@ -2,6 +2,7 @@
 /// @file node_config.hpp
 /// What the physics node reads of a session file: the `physics` map, and of each haptic entry the `proxy` map.
 /// config/README.md lists every key.
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,20 +18,29 @@ namespace physics {
 /// Relative damping of a proxy on its spring when the file gives none.
 inline constexpr double kDefaultDampingRatio = 0.7;
 
+/// What paces the steps.
+enum class Pace : std::uint8_t {
+  kFixed,  ///< One step of 1/rate_hz (or of 1/throttle_hz) in every such period.
+  kFree,   ///< Steps back to back, each as long as the time since the last began: Node has the bounds.
+};
+
 /// `physics:`
 struct PhysicsConfig {
-  std::string engine = "analytic";    ///< A row of engine_registry.cpp.
-  double rate_hz = 1000.0;            ///< Steps per second; with a throttle: the longest part of a step is 1/rate_hz.
-  std::optional<double> throttle_hz;  ///< Imitates a machine that manages only so many steps per second.
-  int substeps = 1;                   ///< Equal parts that each 1/rate_hz of simulated time is cut into.
-
-  int solver_iterations = 10;         ///< Of an engine that solves contacts by iteration; analytic does not.
+  std::string engine = "analytic";  ///< A row of engine_registry.cpp.
+  Pace pace = Pace::kFixed;
+  double rate_hz = 1000.0;  ///< Steps per second; throttled: 1/rate_hz is the longest part of a step; free: step.
+  std::optional<double> throttle_hz;       ///< Imitates a machine that manages only so many steps per second.
+  int substeps = 1;                        ///< Equal parts that each 1/rate_hz of simulated time is cut into.
+  int solver_iterations = 10;              ///< Of an engine that solves contacts by iteration; analytic does not.
+  bool contacts_always = false;            ///< Publish contact constraints also when no force law asks for them.
+  std::optional<double> contact_radius_m;  ///< How far around the proxy they reach; none: Stepper::contact_radius_m().
 
   [[nodiscard]] EngineSettings engine_settings() const noexcept { return {solver_iterations}; }
-  /// Simulated time of one step, which is also the period in which it happens [s].
+  /// Simulated time of one step, which is also the period in which it happens; pace free: the longest [s].
   [[nodiscard]] double step_s() const noexcept { return 1.0 / throttle_hz.value_or(rate_hz); }
   /// Parts that one step is cut into.
   [[nodiscard]] int parts_per_step() const noexcept;
+  [[nodiscard]] const char* clock() const noexcept;  ///< "fixed", "throttled" or "free", as NodeInfo says it.
 };
 
 /// `haptic.<n>.proxy:`. Gains are at the device; see Stepper for what they become in the world.
@@ -41,6 +51,7 @@ struct ProxyConfig {
   double friction = 1.0;                    ///< Multiplied with the body's.
   double stiffness_n_per_m = 0.0;           ///< At the device; default: the entry's coupling.stiffness_n_per_m.
   std::optional<double> damping_n_s_per_m;  ///< At the device; none: kDefaultDampingRatio on the proxy's mass.
+  double lead_steps = 0.0;  ///< The proxy is pulled to where the device will be so many steps later, at its velocity.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP until the device first speaks.
 };
 
@@ -49,6 +60,7 @@ struct NodeConfig {
   rtbus::config::Scene scene;
   PhysicsConfig physics;
   std::vector<ProxyConfig> proxies;  ///< One per haptic entry, in the file's order.
+  std::vector<int> haptic_cores;     ///< CPUs of the haptic loops, likewise; −1: `auto`.
   std::string file;
 };
 

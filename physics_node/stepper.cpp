@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "physics_node/contact_message.hpp"
+
 namespace physics {
 namespace {
 
@@ -51,15 +53,33 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   link.connected = true;
   link.silent = false;
   link.enabled = device.enabled != 0;
+  link.wants_contacts = (device.wants & rtbus::kWantsContacts) != 0;
+  link.position_scale = device.position_scale;
   link.mapping_epoch = device.mapping_epoch;
   link.device_sequence = sequence;
   link.device_time_ns = device.sample_time_ns;
   if (begins) rebase(proxy);
 }
 
-void Stepper::hold_target(std::size_t proxy) {
-  links_.at(proxy).target.velocity_m_s.setZero();
-  links_.at(proxy).silent = true;
+void Stepper::release(std::size_t proxy) {
+  Link& link = links_.at(proxy);
+  if (!link.connected) return;
+  link.target.velocity_m_s.setZero();
+  link.silent = true;
+  link.wants_contacts = false;
+  world_->release_proxy(proxy);
+}
+
+double Stepper::contact_radius_m(std::size_t proxy) const {
+  const Link& link = links_.at(proxy);
+  const double speed_m_s = std::max({world_->proxy(proxy).velocity_m_s.norm(), link.target.velocity_m_s.norm(),
+                                     kHandSpeed_m_s * link.position_scale});
+  return std::max(kRestRadius_m * link.position_scale, 2.0 * step_s_ * speed_m_s);
+}
+
+void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {
+  world_->contacts(proxy, radius_m > 0.0 ? radius_m : contact_radius_m(proxy), contacts_);
+  fill_message(contacts_, answer(proxy), out);
 }
 
 void Stepper::step(double dt_s, int substeps) {
@@ -69,15 +89,20 @@ void Stepper::step(double dt_s, int substeps) {
     link.contact_force_n.setZero();
     link.contacts = 0;
   }
+  const auto end_of = [dt_s](const Link& link) -> Vector3d {
+    if (!link.enabled || link.config.lead_steps == 0.0) return link.target.position_m;
+    return link.target.position_m + link.config.lead_steps * dt_s * link.target.velocity_m_s;
+  };
   for (int part = 1; part <= substeps; ++part) {
     for (std::size_t i = 0; i < links_.size(); ++i) {
       const Link& link = links_[i];
-      if (!link.connected) continue;
+      if (!link.connected || link.silent) continue;
       ProxyTarget target = link.target;
+      target.position_m = end_of(link);
       if (!link.enabled) target.velocity_m_s.setZero();  // nothing may drag a proxy that nobody feels
       if (part < substeps) {
         const double done = static_cast<double>(part) / substeps;
-        target.position_m = link.previous_target_m + done * (link.target.position_m - link.previous_target_m);
+        target.position_m = link.previous_target_m + done * (target.position_m - link.previous_target_m);
       }
       world_->set_proxy_target(i, target);
     }
@@ -90,7 +115,7 @@ void Stepper::step(double dt_s, int substeps) {
       link.contacts = std::max(link.contacts, readout.contacts);
     }
   }
-  for (Link& link : links_) link.previous_target_m = link.target.position_m;
+  for (Link& link : links_) link.previous_target_m = end_of(link);
   step_s_ = dt_s;
   simulated_s_ += dt_s;
   ++steps_;

@@ -8,6 +8,7 @@
 
 #include "physics_node/node_config.hpp"
 #include "physics_node/world.hpp"
+#include "rtbus/contact_messages.hpp"
 #include "rtbus/messages.hpp"
 
 namespace physics {
@@ -22,13 +23,14 @@ class Stepper {
   Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps);
 
   /// The newest state of a device; `sequence` is its number in the topic.
-  ///  - The first state, the first after hold_target(), a new mapping_epoch, and every state with enabled == 0 re-base
+  ///  - The first state, the first after release(), a new mapping_epoch, and every state with enabled == 0 re-base
   ///    the proxy: it is put onto the target at rest, so whatever begins then begins at zero stored energy.
   ///  - A state with a value that is not finite, or a scale ≤ 0, is ignored and counted.
   void set_device(std::size_t proxy, const rtbus::DeviceState& device, std::uint64_t sequence);
 
-  /// The device has been silent for long: its last target stays, its velocity does not. Its next state is a new start.
-  void hold_target(std::size_t proxy);
+  /// The device has been silent for long, nobody may hold it any more: its proxy lets go (World::release_proxy). Its
+  /// next state is a new start.
+  void release(std::size_t proxy);
 
   /// Advances the world by `dt_s` in `substeps` equal parts.
   void step(double dt_s) { step(dt_s, substeps_); }
@@ -36,12 +38,31 @@ class Stepper {
   /// The same with another number of parts. During the step a target moves in a straight line from where it was at the
   /// end of the step before to where it is now: the proxy at the end of the step is the one that belongs to the device
   /// sample it answers, however long the step is. A proxy without a device yet stays where it is.
+  ///
+  /// With `lead_steps` the target is the device's position moved on by lead_steps·dt_s at its velocity. The loop that
+  /// feels the proxy has it a while later and meanwhile moves on; of a proxy that moves at v with the device it feels
+  /// K·v·age more than the world received. A lead as long as the mean age (0.5 steps, throttled 1.5) makes the two
+  /// equal again.
   void step(double dt_s, int substeps);
 
   /// What became of the proxy in the last step. `step_compute_s` is left 0: this class measures nothing.
   [[nodiscard]] rtbus::ProxyState answer(std::size_t proxy) const;
 
+  /// True while the newest state of the device asks for contacts().
+  [[nodiscard]] bool wants_contacts(std::size_t proxy) const { return links_.at(proxy).wants_contacts; }
+
+  /// What touches the proxy now, or is nearer than the validity radius, and what is behind it: `radius_m`, or, when
+  /// that is 0, contact_radius_m(). Changes nothing.
+  void contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out);
+
+  /// As far as the proxy may come in two steps, for the next answer takes that long to be in use: at its own speed, at
+  /// its target's, or at kHandSpeed_m_s of the device, whichever is largest; and kRestRadius_m of the device at least.
+  static constexpr double kHandSpeed_m_s = 0.2;
+  static constexpr double kRestRadius_m = 1e-3;
+  [[nodiscard]] double contact_radius_m(std::size_t proxy) const;
+
   [[nodiscard]] std::size_t proxies() const noexcept { return links_.size(); }
+  [[nodiscard]] const ProxyConfig& proxy(std::size_t proxy) const { return links_[proxy].config; }
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   [[nodiscard]] double simulated_s() const noexcept { return simulated_s_; }
   [[nodiscard]] std::uint64_t ignored_states() const noexcept { return ignored_states_; }  ///< Not finite, or no scale.
@@ -59,6 +80,8 @@ class Stepper {
     bool connected = false;  // has ever spoken
     bool silent = true;      // and not been silent since
     bool enabled = false;
+    bool wants_contacts = false;
+    double position_scale = 1.0;
     std::uint32_t mapping_epoch = 0;
     std::uint64_t device_sequence = 0;
     std::uint64_t device_time_ns = 0;
@@ -68,6 +91,7 @@ class Stepper {
   std::unique_ptr<World> world_;
   int substeps_;
   std::vector<Link> links_;
+  ContactSet contacts_;  // kept for its memory
   double step_s_ = 0.0;
   double simulated_s_ = 0.0;
   std::uint64_t steps_ = 0;

@@ -12,6 +12,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "physics_node/contact_set.hpp"
+
 namespace physics {
 
 /// The tool that a haptic device holds in the world: a sphere on a spring.
@@ -57,7 +59,12 @@ class World {
   virtual std::size_t add_proxy(const ProxyParameters& parameters) = 0;
 
   /// Moves a proxy to `position_m` at rest and forgets its contacts: the set-point is re-based at zero stored energy.
+  /// Brings back one that was released.
   virtual void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) = 0;
+
+  /// Nobody holds the tool any more: it stays where it is, at rest, pulls nothing and touches nothing until
+  /// reset_proxy().
+  virtual void release_proxy(std::size_t proxy) = 0;
 
   /// The spring is integrated implicitly together with the contacts: any stiffness and step stay stable.
   virtual void set_proxy_target(std::size_t proxy, const ProxyTarget& target) = 0;
@@ -67,6 +74,10 @@ class World {
 
   [[nodiscard]] virtual ProxyReadout proxy(std::size_t proxy) const = 0;
 
+  /// What touches the proxy now or is nearer to it than `radius_m`, and what is behind it; nothing for a released one.
+  /// Asks only: the world goes on bit for bit as if it had not been asked.
+  virtual void contacts(std::size_t proxy, double radius_m, ContactSet& out) const = 0;
+
   /// Of the scene, static ones included, proxies not.
   [[nodiscard]] virtual std::size_t bodies() const noexcept = 0;
 
@@ -75,6 +86,9 @@ class World {
 
   /// Bodies that can move and have not been put to rest: what a step costs goes with them.
   [[nodiscard]] virtual std::size_t awake_bodies() const noexcept = 0;
+
+  /// Contact points that the last step had to solve: the other part of its cost.
+  [[nodiscard]] virtual std::size_t solved_contacts() const noexcept = 0;
 
   /// What a user should know before steps of at most `longest_step_s` are taken: one sentence each, with the remedy.
   [[nodiscard]] virtual std::vector<std::string> warnings(double longest_step_s) const = 0;

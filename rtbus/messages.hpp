@@ -31,8 +31,11 @@ struct DeviceState {
   std::uint32_t buttons = 0;                 ///< Bit i: button i.
   std::uint32_t mapping_epoch = 0;           ///< Grows when the mapping is re-based and each time forces are enabled.
   std::uint32_t enabled = 0;                 ///< 1 while forces may act.
-  std::uint32_t reserved = 0;
+  std::uint32_t wants = 0;                   ///< What the force law needs besides ProxyState: bits of DeviceWants.
 };
+
+/// Bits of DeviceState::wants.
+enum DeviceWants : std::uint32_t { kWantsContacts = 1u << 0 };  ///< ProxyContacts, contact_messages.hpp.
 
 /// `physics.proxy_state.<haptic>`, every physics step: where the world lets the tool be.
 struct ProxyState {
@@ -69,7 +72,7 @@ struct NodeInfo {
   Text<16> role{};        ///< "haptic" or "physics".
   Text<32> kind{};        ///< Device model of a haptic node, engine of a physics node.
   Text<32> method{};      ///< Rendering method; empty for physics.
-  Text<16> clock{};       ///< "timer" or "device"; "fixed" or "throttled" for physics.
+  Text<16> clock{};       ///< "timer" or "device"; "fixed", "throttled" or "free" for physics.
   Text<16> scheduling{};  ///< "SCHED_FIFO" or "SCHED_OTHER", as granted.
   Text<128> realtime{};   ///< RealtimeGrant::summary().
   Text<256> left_out{};   ///< Comma-separated: what this scene did not need.
@@ -127,13 +130,30 @@ struct Telemetry {
 
 /// `physics.step_stats`, 5 Hz.
 struct StepStats {
-  double rate_hz = 0.0;                                            ///< Declared.
+  double rate_hz = 0.0;                                            ///< Declared; pace free: the lowest that is exact.
   double achieved_hz = 0.0;                                        ///< Steps over the last second.
   double step_p50_ms = 0.0, step_p99_ms = 0.0, step_max_ms = 0.0;  ///< Engine time per step.
-  double simulated_s = 0.0;
-  std::uint64_t steps = 0;
-  std::uint64_t late = 0;  ///< Steps whose period was over before they were.
+  double simulated_s = 0.0;  ///< Sum of the steps.
+  double wall_s = 0.0;       ///< Time in which they were due: simulated_s over this is the real-time factor.
+  std::uint64_t steps = 0;   ///< Served.
+  std::uint64_t due = 0;     ///< Periods that have passed; pace free: steps.
+  std::uint64_t late = 0;    ///< Steps whose period was over before they were; pace free: cut to 1/rate_hz.
   std::uint64_t bodies = 0;
+};
+
+/// `physics.body_poses`, at most 30 times a second and only while somebody looks: where the bodies of the scene are. A
+/// frame of more than kBodies bodies comes as several samples, one after the other.
+struct BodyPoses {
+  static constexpr std::uint32_t kBodies = 64;  ///< Bodies in one sample.
+  std::uint64_t frame = 0;                      ///< Complete sets since the node started, from 1.
+  std::uint64_t step_index = 0;                 ///< The step after which the bodies are here.
+  double simulated_s = 0.0;                     ///< Simulated time since the world was made.
+  std::uint32_t first_body = 0;                 ///< Scene index (grids unrolled) of the first body in this sample.
+  std::uint32_t count = 0;                      ///< Bodies in this sample; the rest of the arrays is zero.
+  std::uint32_t bodies = 0;                     ///< Bodies in the frame.
+  std::uint32_t reserved = 0;
+  std::array<Vec3, kBodies> position_m{};        ///< p_WB.
+  std::array<Quat, kBodies> orientation_wxyz{};  ///< q_WB.
 };
 
 /// `<haptic>.plant_command`, every tick with `process: own`: the force for the separate plant process.
@@ -169,7 +189,7 @@ struct SampleTraits<DeviceState> {
                                       RTBUS_FIELD(T, buttons, "bits"),
                                       RTBUS_FIELD(T, mapping_epoch, "1"),
                                       RTBUS_FIELD(T, enabled, "bool"),
-                                      RTBUS_FIELD(T, reserved, "1")};
+                                      RTBUS_FIELD(T, wants, "bits")};
 };
 template <>
 struct SampleTraits<ProxyState> {
@@ -281,7 +301,17 @@ struct SampleTraits<StepStats> {
   static constexpr std::array kFields{
       RTBUS_FIELD(T, rate_hz, "Hz"),     RTBUS_FIELD(T, achieved_hz, "Hz"), RTBUS_FIELD(T, step_p50_ms, "ms"),
       RTBUS_FIELD(T, step_p99_ms, "ms"), RTBUS_FIELD(T, step_max_ms, "ms"), RTBUS_FIELD(T, simulated_s, "s"),
-      RTBUS_FIELD(T, steps, "1"),        RTBUS_FIELD(T, late, "1"),         RTBUS_FIELD(T, bodies, "1")};
+      RTBUS_FIELD(T, wall_s, "s"),       RTBUS_FIELD(T, steps, "1"),        RTBUS_FIELD(T, due, "1"),
+      RTBUS_FIELD(T, late, "1"),         RTBUS_FIELD(T, bodies, "1")};
+};
+template <>
+struct SampleTraits<BodyPoses> {
+  static constexpr std::string_view kName = "rtbus/BodyPoses";
+  using T = BodyPoses;
+  static constexpr std::array kFields{
+      RTBUS_FIELD(T, frame, "1"),      RTBUS_FIELD(T, step_index, "1"), RTBUS_FIELD(T, simulated_s, "s"),
+      RTBUS_FIELD(T, first_body, "1"), RTBUS_FIELD(T, count, "1"),      RTBUS_FIELD(T, bodies, "1"),
+      RTBUS_FIELD(T, reserved, "1"),   RTBUS_FIELD(T, position_m, "m"), RTBUS_FIELD(T, orientation_wxyz, "1")};
 };
 template <>
 struct SampleTraits<PlantCommand> {
@@ -305,7 +335,8 @@ static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 536 && Sample<NodeInfo>);
 static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);
 static_assert(sizeof(Telemetry) == 240 && Sample<Telemetry>);
-static_assert(sizeof(StepStats) == 72 && Sample<StepStats>);
+static_assert(sizeof(StepStats) == 88 && Sample<StepStats>);
+static_assert(sizeof(BodyPoses) == 3624 && Sample<BodyPoses>);
 static_assert(sizeof(PlantCommand) == 24 && Sample<PlantCommand>);
 static_assert(sizeof(PlantState) == 136 && Sample<PlantState>);
 

@@ -186,6 +186,20 @@ bool prefer_on_time() noexcept {
   return ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0;
 }
 
+bool stay_off_cores(const std::vector<int>& cores) noexcept {
+  const std::vector<int> allowed = allowed_cores();
+  cpu_set_t left;
+  CPU_ZERO(&left);
+  int count = 0;
+  for (const int core : allowed) {
+    const auto is_taken = [&](int taken) { return core == (taken < 0 ? allowed.back() : taken); };
+    if (std::any_of(cores.begin(), cores.end(), is_taken)) continue;
+    CPU_SET(core, &left);
+    ++count;
+  }
+  return count > 0 && ::sched_setaffinity(0, sizeof left, &left) == 0;
+}
+
 void name_this_thread(const char* name) noexcept { ::prctl(PR_SET_NAME, name, 0, 0, 0); }
 
 }  // namespace rtbus

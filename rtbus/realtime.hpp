@@ -53,6 +53,11 @@ void leave_realtime() noexcept;
 /// @returns whether it was granted. @realtime No.
 bool prefer_on_time() noexcept;
 
+/// Keeps the calling thread off CPUs that a realtime loop uses, unless it would have none left. In `cores` −1 stands for
+/// the last CPU this thread may use, where a RealtimeRequest with core −1 goes. @returns whether it keeps off them.
+/// @realtime No.
+bool stay_off_cores(const std::vector<int>& cores) noexcept;
+
 /// Names the calling thread (at most 15 bytes are kept).
 void name_this_thread(const char* name) noexcept;
 

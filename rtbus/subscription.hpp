@@ -50,15 +50,14 @@ class Subscription {
     return current_ != nullptr ? current_->read_next(out) : ReadStatus::kDetached;
   }
 
-  /// Opens the topic, or opens it anew once its writer is gone and the name leads elsewhere. One thread, about every
-  /// 20 ms. @realtime No.
+  /// Opens the topic, or opens it anew once the name leads elsewhere. One thread, about every 20 ms. @realtime No.
   void maintain() noexcept {
     delete retired_.exchange(nullptr, std::memory_order_acquire);
+    const bool old_alive = newest_ != nullptr && newest_->writer_alive();
     if (newest_ != nullptr) {
-      const bool alive = newest_->writer_alive();
-      attached_.store(alive, std::memory_order_relaxed);
+      attached_.store(old_alive, std::memory_order_relaxed);
       // A dead writer whose name still leads here will be followed by one that goes on in place.
-      if (alive || !newest_->replaced()) return;
+      if (!newest_->replaced()) return;
     }
     auto opened = open();
     if (!opened) {
@@ -66,6 +65,9 @@ class Subscription {
       return;
     }
     const bool alive = opened->writer_alive();
+    // A live writer whose segment was deleted makes it anew (Publication) and writes both for a while; until then, and
+    // if what has its name belongs to a dead one, stay where samples come from.
+    if (old_alive && !alive) return;
     auto* const reader = new (std::nothrow) Reader<T>(std::move(*opened));
     if (reader == nullptr) return;
     // Withdraw what the realtime thread has not taken yet: it is outdated.
@@ -79,6 +81,10 @@ class Subscription {
   [[nodiscard]] bool attached() const noexcept { return attached_.load(std::memory_order_relaxed); }
   /// Segments found since construction; grows with each re-attachment. Any thread.
   [[nodiscard]] std::uint64_t attachments() const noexcept { return attachments_.load(std::memory_order_relaxed); }
+  /// Samples that read_next() jumped over, in all segments. Reading thread. @realtime Yes.
+  [[nodiscard]] std::uint64_t missed() const noexcept RTBUS_NONBLOCKING {
+    return missed_before_ + (current_ != nullptr ? current_->missed() : 0);
+  }
   /// Why the last attempt to open failed; kNotFound before the first. Any thread.
   [[nodiscard]] TopicError last_error() const noexcept { return error_.load(std::memory_order_relaxed); }
   [[nodiscard]] const std::string& topic() const noexcept { return topic_; }
@@ -90,6 +96,7 @@ class Subscription {
     if (retired_.load(std::memory_order_relaxed) != nullptr) return;
     Reader<T>* const fresh = incoming_.exchange(nullptr, std::memory_order_acquire);
     if (fresh == nullptr) return;  // withdrawn in between
+    if (current_ != nullptr) missed_before_ += current_->missed();
     retired_.store(current_, std::memory_order_release);
     current_ = fresh;
   }
@@ -105,8 +112,9 @@ class Subscription {
   Session session_;
   std::string topic_;
   ReaderOptions options_;
-  Reader<T>* newest_ = nullptr;   ///< Housekeeping: the last one opened; it sits in incoming_ or current_.
-  Reader<T>* current_ = nullptr;  ///< Realtime: the one in use.
+  Reader<T>* newest_ = nullptr;      ///< Housekeeping: the last one opened; it sits in incoming_ or current_.
+  Reader<T>* current_ = nullptr;     ///< Realtime: the one in use.
+  std::uint64_t missed_before_ = 0;  ///< Realtime: by the readers before it.
   std::atomic<Reader<T>*> incoming_{nullptr};
   std::atomic<Reader<T>*> retired_{nullptr};
   std::atomic<bool> attached_{false};

@@ -1,7 +1,8 @@
 #pragma once
 /// @file topic.hpp
 /// A topic is a ring of seqlock slots in POSIX shared memory: one writer, any number of readers, no locks.
-/// Byte layout: docs/shared-memory-layout.md. The copying protocol and its memory-order argument: rtbus/detail/seqlock.hpp.
+/// Byte layout: docs/shared-memory-layout.md. The copying protocol and its memory-order argument:
+/// rtbus/detail/seqlock.hpp.
 #include <sys/types.h>
 
 #include <cstdint>
@@ -28,13 +29,15 @@ enum class ReadStatus : std::uint8_t {
 };
 
 struct WriterOptions {
-  std::uint32_t capacity = 64;  ///< Slots in the ring, a power of two, 2…65536. Two seconds of samples suit `read_next`.
-  bool doorbell = false;        ///< Adds a page with a futex for sleeping readers (Reader::wait). Off: they poll.
+  std::uint32_t capacity =
+      64;                 ///< Slots in the ring, a power of two, 2…65536. Two seconds of samples suit `read_next`.
+  bool doorbell = false;  ///< Adds a page with a futex for sleeping readers (Reader::wait). Off: they poll.
 };
 
 /// The writing end of a topic. Movable, not copyable. One thread per Writer.
 /// Takes over the topic of a dead writer: numbering goes on, readers of the same layout notice nothing but the pause.
-/// Unlinks the topic on destruction, so a clean exit leaves nothing in /dev/shm.
+/// Unlinks the topic on destruction, so a clean exit leaves nothing in /dev/shm. Where somebody may delete the topic
+/// meanwhile, use a Publication.
 template <Sample T>
 class Writer {
  public:
@@ -63,6 +66,10 @@ class Writer {
   /// @realtime No: asks the kernel.
   [[nodiscard]] bool observed() const noexcept { return segment_.observed(); }
 
+  /// The name leads to another segment or to none: somebody has deleted the topic, and newcomers do not find it.
+  /// Publication makes it anew. @realtime No.
+  [[nodiscard]] bool replaced() const noexcept { return segment_.replaced(); }
+
  private:
   static constexpr std::size_t kWords = sizeof(T) / 8;
   explicit Writer(Segment segment) : segment_(std::move(segment)), ring_(segment_.ring()) {}
@@ -71,7 +78,7 @@ class Writer {
 };
 
 struct ReaderOptions {
-  bool presence = false;  ///< Hold a kernel lock that Writer::observed() sees; it dies with this process.
+  bool presence = false;     ///< Hold a kernel lock that Writer::observed() sees; it dies with this process.
   bool from_oldest = false;  ///< read_next() starts at the oldest sample still held instead of the next one published.
   OwnerTrust trust = OwnerTrust::kSelfOrRoot;
 };
@@ -127,9 +134,12 @@ class Reader {
   }
   static ReadStatus status(detail::RingRead read) noexcept {
     switch (read) {
-      case detail::RingRead::kFresh: return ReadStatus::kFresh;
-      case detail::RingRead::kSame: return ReadStatus::kSame;
-      case detail::RingRead::kLapped: break;
+      case detail::RingRead::kFresh:
+        return ReadStatus::kFresh;
+      case detail::RingRead::kSame:
+        return ReadStatus::kSame;
+      case detail::RingRead::kLapped:
+        break;
     }
     return ReadStatus::kLapped;
   }

@@ -22,6 +22,8 @@ Action add_top(CLI::App& command);
 Action add_clean(CLI::App& command);
 Action add_doctor(CLI::App& command);
 Action add_evaluate(CLI::App& command);
+Action add_bench(CLI::App& command);
+Action add_still(CLI::App& command);
 #if RTBUS_WITH_HDF5
 Action add_record(CLI::App& command);
 Action add_mark(CLI::App& command);

@@ -1,4 +1,5 @@
 // `rtbus doctor`: is this machine fit for a force every millisecond, and if not, what to do.
+#include <pwd.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -39,6 +40,8 @@ DoctorFacts gather(const DoctorOptions& options) {
   facts.machine = ask_machine();
   facts.limits = ask_limits();
   facts.shm = ask_mount("/dev/shm");
+  const passwd* const user = ::getpwuid(::geteuid());
+  facts.logind = ask_logind(::geteuid(), user != nullptr ? user->pw_name : "");
   facts.clock_ns = measure_clock_ns();
   facts.topics = rtbus::list_topics();
   const bool terminal = ::isatty(STDERR_FILENO) == 1;
@@ -47,11 +50,11 @@ DoctorFacts gather(const DoctorOptions& options) {
   return facts;
 }
 
-void print(const std::vector<Check>& checks) {
+void print(const std::vector<DoctorCheck>& checks) {
   // A remedy that mends several things is said once, at the first.
   std::map<std::string, std::string> said;
   int warnings = 0, failures = 0;
-  for (const Check& check : checks) {
+  for (const DoctorCheck& check : checks) {
     warnings += check.health == Health::kWarn;
     failures += check.health == Health::kFail;
     const std::string mark = std::string("[") + to_string(check.health) + "]";
@@ -63,7 +66,7 @@ void print(const std::vector<Check>& checks) {
   std::printf("%zu checks: %d failed, %d with warnings\n", checks.size(), failures, warnings);
 }
 
-nlohmann::ordered_json to_json(const DoctorFacts& facts, const std::vector<Check>& checks) {
+nlohmann::ordered_json to_json(const DoctorFacts& facts, const std::vector<DoctorCheck>& checks) {
   nlohmann::ordered_json report = {{"schema", "rtbus-doctor/1"}, {"healthy", healthy(checks)}};
   const MachineFacts& machine = facts.machine;
   report["machine"] = {{"cpu", machine.cpu},
@@ -78,7 +81,7 @@ nlohmann::ordered_json to_json(const DoctorFacts& facts, const std::vector<Check
   report["cycles"] = {{"due", wakeup.due}, {"served", wakeup.served}, {"overruns", wakeup.overruns}};
   report["clock_ns"] = facts.clock_ns;
   report["checks"] = nlohmann::ordered_json::array();
-  for (const Check& check : checks) {
+  for (const DoctorCheck& check : checks) {
     report["checks"].push_back({{"id", check.id},
                                 {"status", to_string(check.health)},
                                 {"what", check.what},
@@ -91,7 +94,7 @@ nlohmann::ordered_json to_json(const DoctorFacts& facts, const std::vector<Check
 int doctor(const DoctorOptions& options) {
   const DoctorFacts facts = gather(options);
   if (interrupted()) return kExitFailed;  // half a measurement would only mislead
-  const std::vector<Check> checks = judge(facts);
+  const std::vector<DoctorCheck> checks = judge(facts);
   if (options.json) {
     std::cout << to_json(facts, checks).dump(2) << '\n';
   } else {

@@ -15,8 +15,8 @@ constexpr const char* kLimitsFile =
 
 std::string limit_text(std::uint64_t bytes) { return bytes == UINT64_MAX ? "unlimited" : human_bytes(bytes); }
 
-Check check_fifo(const DoctorFacts& facts) {
-  Check check{"sched_fifo", Health::kOk, "SCHED_FIFO granted", "", ""};
+DoctorCheck check_fifo(const DoctorFacts& facts) {
+  DoctorCheck check{"sched_fifo", Health::kOk, "SCHED_FIFO granted", "", ""};
   const rtbus::RealtimeGrant& grant = facts.wakeup.grant;
   if (grant.fifo) {
     check.measured = "priority " + std::to_string(grant.priority) + " read back";
@@ -28,8 +28,8 @@ Check check_fifo(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_rtprio(const DoctorFacts& facts) {
-  Check check{"rtprio", Health::kOk, "rtprio limit", "", ""};
+DoctorCheck check_rtprio(const DoctorFacts& facts) {
+  DoctorCheck check{"rtprio", Health::kOk, "rtprio limit", "", ""};
   check.measured =
       std::to_string(facts.limits.rtprio) + (facts.limits.cap_sys_nice ? ", not needed with CAP_SYS_NICE" : "");
   constexpr std::uint64_t kPriority = 80;  // what a haptic node asks for unless configured otherwise
@@ -39,8 +39,8 @@ Check check_rtprio(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_memlock(const DoctorFacts& facts) {
-  Check check{"memlock", Health::kOk, "memlock limit", limit_text(facts.limits.memlock_bytes), ""};
+DoctorCheck check_memlock(const DoctorFacts& facts) {
+  DoctorCheck check{"memlock", Health::kOk, "memlock limit", limit_text(facts.limits.memlock_bytes), ""};
   if (facts.limits.cap_ipc_lock) check.measured += ", not needed with CAP_IPC_LOCK";
   constexpr std::uint64_t kEnough_bytes = 64u << 20;  // a node with its libraries, stacks and topics
   if (facts.limits.cap_ipc_lock || facts.limits.memlock_bytes >= kEnough_bytes) return check;
@@ -49,8 +49,8 @@ Check check_memlock(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_mlockall(const DoctorFacts& facts) {
-  Check check{"mlockall", Health::kOk, "memory can be locked", "mlockall granted", ""};
+DoctorCheck check_mlockall(const DoctorFacts& facts) {
+  DoctorCheck check{"mlockall", Health::kOk, "memory can be locked", "mlockall granted", ""};
   if (facts.wakeup.grant.memory_locked) return check;
   check.health = Health::kFail;
   check.measured = "mlockall refused: a page fault may stop the loop for milliseconds";
@@ -58,8 +58,8 @@ Check check_mlockall(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_dma_latency(const DoctorFacts& facts) {
-  Check check{"cpu_dma_latency", Health::kOk, "/dev/cpu_dma_latency", "held at 0 us while the loop runs", ""};
+DoctorCheck check_dma_latency(const DoctorFacts& facts) {
+  DoctorCheck check{"cpu_dma_latency", Health::kOk, "/dev/cpu_dma_latency", "held at 0 us while the loop runs", ""};
   if (facts.wakeup.grant.dma_latency_held) return check;
   check.health = Health::kWarn;
   check.measured = "not writable: the CPU may sleep deeply between cycles";
@@ -69,8 +69,8 @@ Check check_dma_latency(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_throttling(const DoctorFacts& facts) {
-  Check check{"rt_throttling", Health::kOk, "realtime throttling", "", ""};
+DoctorCheck check_throttling(const DoctorFacts& facts) {
+  DoctorCheck check{"rt_throttling", Health::kOk, "realtime throttling", "", ""};
   if (!facts.limits.rt_runtime_us || !facts.limits.rt_period_us) {
     check.measured = "not told by this kernel";
     return check;
@@ -88,8 +88,8 @@ Check check_throttling(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_governor(const DoctorFacts& facts) {
-  Check check{"governor", Health::kOk, "CPU frequency governor", facts.machine.governor, ""};
+DoctorCheck check_governor(const DoctorFacts& facts) {
+  DoctorCheck check{"governor", Health::kOk, "CPU frequency governor", facts.machine.governor, ""};
   if (facts.machine.governor.empty()) check.measured = "no cpufreq here: firmware or host decides";
   if (facts.machine.governor.empty() || facts.machine.governor == "performance") return check;
   check.health = Health::kWarn;
@@ -97,9 +97,9 @@ Check check_governor(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_preemption(const DoctorFacts& facts) {
-  Check check{"preemption", Health::kOk, "kernel preemption",
-              facts.machine.preemption + " (" + facts.machine.kernel + ")", ""};
+DoctorCheck check_preemption(const DoctorFacts& facts) {
+  DoctorCheck check{"preemption", Health::kOk, "kernel preemption",
+                    facts.machine.preemption + " (" + facts.machine.kernel + ")", ""};
   if (facts.machine.preemption == "PREEMPT_RT") return check;
   check.health = Health::kWarn;
   check.remedy = facts.machine.preemption == "PREEMPT_DYNAMIC"
@@ -109,9 +109,9 @@ Check check_preemption(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_cores(const DoctorFacts& facts) {
+DoctorCheck check_cores(const DoctorFacts& facts) {
   const MachineFacts& machine = facts.machine;
-  Check check{"cores", Health::kOk, "cores", "", ""};
+  DoctorCheck check{"cores", Health::kOk, "cores", "", ""};
   check.measured =
       std::to_string(machine.usable_cores) + " usable of " + std::to_string(machine.cores) + ", " + machine.cpu;
   if (machine.usable_cores >= 2) return check;
@@ -120,8 +120,8 @@ Check check_cores(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_isolation(const DoctorFacts& facts) {
-  Check check{"isolcpus", Health::kOk, "isolated cores", facts.machine.isolated_cores, ""};
+DoctorCheck check_isolation(const DoctorFacts& facts) {
+  DoctorCheck check{"isolcpus", Health::kOk, "isolated cores", facts.machine.isolated_cores, ""};
   // Not a defect at 1 kHz, so it is said without a warning.
   if (check.measured.empty()) {
     check.measured = "none; above 2 kHz boot with isolcpus=managed_irq,domain,N nohz_full=N and set realtime.core: N";
@@ -129,8 +129,8 @@ Check check_isolation(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_clock(const DoctorFacts& facts) {
-  Check check{"clocksource", Health::kOk, "clock", "", ""};
+DoctorCheck check_clock(const DoctorFacts& facts) {
+  DoctorCheck check{"clocksource", Health::kOk, "clock", "", ""};
   check.measured = facts.machine.clocksource + ", " + fixed(facts.clock_ns, 0) + " ns per reading";
   constexpr double kSystemCall_ns = 150.0;  // the vDSO takes 15 to 60 ns, a system call 200 and more
   if (facts.clock_ns < kSystemCall_ns) return check;
@@ -142,8 +142,8 @@ Check check_clock(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_shm(const DoctorFacts& facts) {
-  Check check{"dev_shm", Health::kOk, "/dev/shm", "", ""};
+DoctorCheck check_shm(const DoctorFacts& facts) {
+  DoctorCheck check{"dev_shm", Health::kOk, "/dev/shm", "", ""};
   if (!facts.shm) {
     check.health = Health::kFail;
     check.measured = "not mounted: topics have nowhere to live";
@@ -166,8 +166,8 @@ Check check_shm(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_virtual(const DoctorFacts& facts) {
-  Check check{"virtual_machine", Health::kOk, "hardware", "no hypervisor seen", ""};
+DoctorCheck check_virtual(const DoctorFacts& facts) {
+  DoctorCheck check{"virtual_machine", Health::kOk, "hardware", "no hypervisor seen", ""};
   if (facts.machine.virtualization.empty()) return check;
   check.measured = facts.machine.virtualization;
   if (facts.machine.virtualization == "container") return check;  // the host's kernel itself: costs nothing
@@ -177,9 +177,9 @@ Check check_virtual(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_wakeup(const DoctorFacts& facts) {
+DoctorCheck check_wakeup(const DoctorFacts& facts) {
   const WakeupFigures& wakeup = facts.wakeup;
-  Check check{"wakeup_latency", Health::kOk, "wake-up at 1 kHz", "", ""};
+  DoctorCheck check{"wakeup_latency", Health::kOk, "wake-up at 1 kHz", "", ""};
   check.measured = "p50 " + fixed(wakeup.p50_us, 1) + ", p99 " + fixed(wakeup.p99_us, 1) + ", max " +
                    fixed(wakeup.max_us, 1) + " us after the deadline, " + std::to_string(wakeup.overruns) + " of " +
                    std::to_string(wakeup.due) + " cycles skipped, " + wakeup.grant.scheduling();
@@ -195,8 +195,31 @@ Check check_wakeup(const DoctorFacts& facts) {
   return check;
 }
 
-Check check_stale(const DoctorFacts& facts) {
-  Check check{"stale_segments", Health::kOk, "left-over segments", "none", ""};
+DoctorCheck check_remove_ipc(const DoctorFacts& facts) {
+  const LogindFacts& logind = facts.logind;
+  DoctorCheck check{"remove_ipc", Health::kOk, "topics at log-out", "", ""};
+  if (!logind.running) {
+    check.measured = "kept: no systemd-logind here";
+  } else if (!logind.remove_ipc) {
+    check.measured = "kept: RemoveIPC=no in " + logind.set_in;
+  } else if (logind.system_user) {
+    check.measured = "kept: systemd-logind spares root and system users";
+  } else if (logind.lingers) {
+    check.measured = "kept: this user lingers";
+  } else {
+    check.health = Health::kWarn;
+    check.measured = std::string("deleted by systemd-logind when this user's last session ends (RemoveIPC=yes, ") +
+                     (logind.set_in.empty() ? "the default" : logind.set_in) +
+                     "); nodes that run on make them anew, with a gap for those who attach meanwhile";
+    check.remedy =
+        "loginctl enable-linger, or as root: mkdir -p /etc/systemd/logind.conf.d && printf '[Login]\\nRemoveIPC=no\\n' "
+        "> /etc/systemd/logind.conf.d/rtbus.conf && systemctl restart systemd-logind";
+  }
+  return check;
+}
+
+DoctorCheck check_stale(const DoctorFacts& facts) {
+  DoctorCheck check{"stale_segments", Health::kOk, "left-over segments", "none", ""};
   std::size_t dead = 0;
   std::uint64_t bytes = 0;
   for (const rtbus::TopicInfo& info : facts.topics) {
@@ -213,11 +236,11 @@ Check check_stale(const DoctorFacts& facts) {
 
 }  // namespace
 
-std::vector<Check> judge(const DoctorFacts& facts) {
+std::vector<DoctorCheck> judge(const DoctorFacts& facts) {
   return {check_fifo(facts),        check_rtprio(facts),     check_memlock(facts),  check_mlockall(facts),
           check_dma_latency(facts), check_throttling(facts), check_governor(facts), check_preemption(facts),
           check_cores(facts),       check_isolation(facts),  check_clock(facts),    check_shm(facts),
-          check_virtual(facts),     check_stale(facts),      check_wakeup(facts)};
+          check_virtual(facts),     check_remove_ipc(facts), check_stale(facts),    check_wakeup(facts)};
 }
 
 const char* to_string(Health health) noexcept {
@@ -232,8 +255,9 @@ const char* to_string(Health health) noexcept {
   return "?";
 }
 
-bool healthy(std::span<const Check> checks) noexcept {
-  return std::none_of(checks.begin(), checks.end(), [](const Check& check) { return check.health == Health::kFail; });
+bool healthy(std::span<const DoctorCheck> checks) noexcept {
+  return std::none_of(checks.begin(), checks.end(),
+                      [](const DoctorCheck& check) { return check.health == Health::kFail; });
 }
 
 }  // namespace tools

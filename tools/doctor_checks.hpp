@@ -9,6 +9,7 @@
 
 #include "rtbus/topic_directory.hpp"
 #include "tools/ask_kernel.hpp"
+#include "tools/ask_logind.hpp"
 #include "tools/wakeup_probe.hpp"
 
 namespace tools {
@@ -19,7 +20,8 @@ enum class Health : std::uint8_t {
   kFail,  ///< Forces at 1 kHz will not be on time, or the nodes will not start.
 };
 
-struct Check {
+/// One line of the doctor (an experiment has its own `Check`).
+struct DoctorCheck {
   std::string id;  ///< Stable, for scripts: "sched_fifo".
   Health health = Health::kOk;
   std::string what;      ///< "SCHED_FIFO for this user".
@@ -32,18 +34,19 @@ struct DoctorFacts {
   MachineFacts machine;
   RealtimeLimits limits;
   std::optional<MountFacts> shm;  ///< /dev/shm.
-  double clock_ns = 0.0;          ///< measure_clock_ns().
+  LogindFacts logind;
+  double clock_ns = 0.0;  ///< measure_clock_ns().
   WakeupFigures wakeup;
   std::vector<rtbus::TopicInfo> topics;  ///< list_topics().
 };
 
 /// All checks, in the order in which they are worth repairing.
-[[nodiscard]] std::vector<Check> judge(const DoctorFacts& facts);
+[[nodiscard]] std::vector<DoctorCheck> judge(const DoctorFacts& facts);
 
 /// "ok", "warn", "fail".
 [[nodiscard]] const char* to_string(Health health) noexcept;
 
 /// True when nothing fails.
-[[nodiscard]] bool healthy(std::span<const Check> checks) noexcept;
+[[nodiscard]] bool healthy(std::span<const DoctorCheck> checks) noexcept;
 
 }  // namespace tools

@@ -99,9 +99,10 @@ class Echo {
   /// After a restart of the writer the name may lead to another segment. @return false: its layout is another one.
   bool follow() {
     if (!reader_->replaced()) return true;
-    const std::uint64_t missed = reader_->missed();
+    const std::uint64_t missed = reader_->missed(), until_ns = reader_->stamp_ns();
     if (!open(true)) return true;  // not there yet: keep the old one and look again
     missed_before_ += missed;
+    printed_until_ns_ = until_ns;  // a writer that makes its topic anew writes both segments for a while
     if (reader_->description().type_hash == type_hash_) return true;
     std::cerr << "rtbus echo: " << choice_.topic << " has come back with other fields; start echo anew\n";
     return false;
@@ -112,6 +113,10 @@ class Echo {
     while (!interrupted() && !enough()) {
       const rtbus::ReadStatus status = options_.in_order() ? reader_->read_next() : reader_->read_latest();
       if (status != rtbus::ReadStatus::kFresh) break;
+      if (reader_->stamp_ns() <= printed_until_ns_) {
+        if (!options_.in_order()) break;
+        continue;
+      }
       print({reader_->sequence(), reader_->stamp_ns(), reader_->bytes()});
       any = true;
       if (!options_.in_order()) break;
@@ -152,7 +157,8 @@ class Echo {
   FieldList fields_;
   std::uint64_t type_hash_ = 0;
   std::uint64_t printed_ = 0;
-  std::uint64_t missed_before_ = 0;  ///< By readers of former segments.
+  std::uint64_t missed_before_ = 0;     ///< By readers of former segments.
+  std::uint64_t printed_until_ns_ = 0;  ///< Likewise.
   std::uint64_t last_fresh_ns_ = 0;
 };
 

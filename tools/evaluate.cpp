@@ -6,6 +6,8 @@
 #include "rtbus/config/document.hpp"
 #include "tools/command.hpp"
 #include "tools/experiments/drop.hpp"
+#include "tools/experiments/faults.hpp"
+#include "tools/experiments/overhead.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -35,11 +37,30 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
   try {
     Experiment experiment("evaluate", options.experiment, command_line,
                           std::filesystem::path(options.out) / options.experiment);
-    DropOptions drop;
-    drop.session_file = options.config.empty() ? find_session("drop.yaml") : options.config;
-    drop.assignments = options.assignments;
-    drop.real_runs = options.quick ? 1 : 3;
-    evaluate_drop(drop, experiment);
+    if (options.experiment == "faults") {
+      FaultsOptions faults;
+      faults.session_file = options.config.empty() ? find_session("wall_own_plant.yaml") : options.config;
+      faults.program = folder_of_this_program() + "/rtbus";
+      faults.runs = options.quick ? 1 : 3;
+      if (!options.assignments.empty()) {
+        throw rtbus::config::Error("evaluate faults takes no --set; write a session file");
+      }
+      evaluate_faults(faults, experiment);
+    } else if (options.experiment == "overhead") {
+      if (!options.config.empty() || !options.assignments.empty()) {
+        throw rtbus::config::Error(
+            "evaluate overhead compares sessions of its own: it takes neither --config nor --set");
+      }
+      OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
+      if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
+      evaluate_overhead(overhead, experiment);
+    } else {
+      DropOptions drop;
+      drop.session_file = options.config.empty() ? find_session("drop.yaml") : options.config;
+      drop.assignments = options.assignments;
+      drop.real_runs = options.quick ? 1 : 3;
+      evaluate_drop(drop, experiment);
+    }
     return experiment.finish(options.json);
   } catch (const rtbus::config::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
@@ -54,9 +75,12 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
 
 Action add_evaluate(CLI::App& command) {
   auto options = std::make_shared<EvaluateOptions>();
-  command.add_option("experiment", options->experiment, "drop: free fall onto a wall (paper, Fig. 8)")
+  command
+      .add_option("experiment", options->experiment,
+                  "drop: free fall onto a wall (paper, Fig. 8); faults: what the hand feels when something dies; "
+                  "overhead: what each optional part costs")
       ->required()
-      ->check(CLI::IsMember({"drop"}));
+      ->check(CLI::IsMember({"drop", "faults", "overhead"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,

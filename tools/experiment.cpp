@@ -87,6 +87,12 @@ bool Experiment::check_between(std::string id, std::string what, double value, s
   return pass;
 }
 
+bool Experiment::check_at_least(std::string id, std::string what, double value, std::string unit, double low) {
+  const bool pass = std::isfinite(value) && value >= low;
+  checks_.push_back({std::move(id), std::move(what), value, std::move(unit), "at least " + number(low), pass});
+  return pass;
+}
+
 bool Experiment::check_at_most(std::string id, std::string what, double value, std::string unit, double high) {
   const bool pass = std::isfinite(value) && value <= high;
   checks_.push_back({std::move(id), std::move(what), value, std::move(unit), "at most " + number(high), pass});

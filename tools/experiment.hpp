@@ -35,6 +35,7 @@ class Experiment {
 
   /// Passes when low ≤ value ≤ high. @returns whether it does.
   bool check_between(std::string id, std::string what, double value, std::string unit, double low, double high);
+  bool check_at_least(std::string id, std::string what, double value, std::string unit, double low);
   bool check_at_most(std::string id, std::string what, double value, std::string unit, double high);
 
   void add_table(Table table);

@@ -18,6 +18,7 @@ struct Figure {
   std::string body;  ///< Everything between `set output` and its end. Data files by their bare names.
   int width_px = 1200;
   int height_px = 700;
+  bool svg = true;  ///< False: PNG alone, for what is made of pixels.
 };
 
 class Gnuplot {

@@ -44,10 +44,12 @@ void print_row(const char* label, const IntervalStats& stats) {
   std::fflush(stdout);
 }
 
-/// Feeds everything that is there. @return whether there was anything.
-bool take(rtbus::RawReader& reader, const HzOptions& options, IntervalStats& window, IntervalStats& total) {
+/// Feeds everything that is there and later than `after_ns`. @return whether there was anything.
+bool take(rtbus::RawReader& reader, const HzOptions& options, std::uint64_t after_ns, IntervalStats& window,
+          IntervalStats& total) {
   bool any = false;
   while ((!options.count || total.samples() < *options.count) && reader.read_next() == rtbus::ReadStatus::kFresh) {
+    if (reader.stamp_ns() <= after_ns) continue;
     window.add(reader.sequence(), reader.stamp_ns());
     total.add(reader.sequence(), reader.stamp_ns());
     any = true;
@@ -85,16 +87,21 @@ int measure(const HzOptions& options, const Choice& choice) {
   IntervalStats window, total;
   const std::uint64_t begin_ns = rtbus::monotonic_ns();
   std::uint64_t window_begin_ns = begin_ns, last_fresh_ns = begin_ns;
+  std::uint64_t counted_until_ns = 0;  // by the readers of former segments
   while (!interrupted() && (!options.count || total.samples() < *options.count)) {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     const double elapsed_s = rtbus::seconds_between(begin_ns, now_ns);
-    if (take(*reader, options, window, total)) {
+    if (take(*reader, options, counted_until_ns, window, total)) {
       last_fresh_ns = now_ns;
     } else if (reader->replaced()) {
-      // The writer was started anew: go on with the new segment from its first sample.
+      // The writer was started anew, or has made its topic anew: go on with the new segment. A writer that does the
+      // latter writes both for a while: count each sample once.
       auto opened = rtbus::RawReader::open(choice.session, choice.topic,
                                            {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
-      if (opened) reader = std::move(opened);
+      if (opened) {
+        counted_until_ns = reader->stamp_ns();
+        reader = std::move(opened);
+      }
     }
     if (options.duration_s && elapsed_s >= *options.duration_s) break;
     if (rtbus::seconds_between(last_fresh_ns, now_ns) >= options.timeout_s && total.intervals() == 0) break;

@@ -1,5 +1,6 @@
 #include "tools/live_run.hpp"
 
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -21,9 +22,11 @@
 #include "tools/command.hpp"
 #include "tools/interrupt.hpp"
 #include "tools/report.hpp"
+#include "tools/restart_policy.hpp"
 #include "tools/run_observer.hpp"
 #include "tools/run_plots.hpp"
 #include "tools/run_progress.hpp"
+#include "tools/run_stills.hpp"
 #include "tools/supervisor.hpp"
 #include "tools/text_table.hpp"
 
@@ -90,11 +93,15 @@ class Run {
       observers_.push_back(std::make_unique<HapticObserver>(plan_.session, haptic));
     }
     if (plan_.physics) physics_.emplace(plan_.session);
+    if (options.stills && draws()) stills_.emplace(plan_);
   }
 
   int operator()();
 
  private:
+  [[nodiscard]] bool draws() const {
+    return !options_.no_plots && (!options_.plots.empty() || !options_.report.empty());
+  }
   [[nodiscard]] bool start();
   [[nodiscard]] bool start_children(const std::vector<ChildSpec>& children);
   template <class Ready>
@@ -104,7 +111,9 @@ class Run {
   void start_bare_loop();
   void drain();
   void show();
-  void fail(const ChildEnd& end);
+  void fail(const ChildEnd& end, const std::string& more = "");
+  [[nodiscard]] bool plan_restart(const ChildEnd& end);
+  [[nodiscard]] bool start_again();
   void fill_report(const Snapshot& first, const Snapshot& last);
   [[nodiscard]] int finish();
 
@@ -113,7 +122,15 @@ class Run {
   RunProgress progress_;
   std::vector<std::unique_ptr<HapticObserver>> observers_;
   std::optional<PhysicsObserver> physics_;
+  std::optional<RunStills> stills_;
   std::unique_ptr<BareLoop> bare_;
+  struct Pending {
+    ChildSpec child;
+    std::uint64_t due_ns;
+  };
+  std::map<std::string, RestartPolicy> policies_;  ///< By the child's name.
+  std::map<std::string, double> ended_cpu_s_;      ///< Likewise: of processes before the present one.
+  std::vector<Pending> pending_;
   RunReport report_;
   std::uint64_t began_ns_ = rtbus::monotonic_ns();
   std::uint64_t running_ns_ = 0;
@@ -121,8 +138,9 @@ class Run {
   Supervisor supervisor_;  ///< Last, so that the nodes have ended before anything they are reported to is gone.
 };
 
-void Run::fail(const ChildEnd& end) {
+void Run::fail(const ChildEnd& end, const std::string& more) {
   std::string fault = end.name + " (pid " + std::to_string(end.pid) + ") " + end.how();
+  if (!more.empty()) fault += ", " + more;
   report_.faults.push_back(fault);
   progress_.clear();
   if (options_.quiet) {  // its words have not been shown yet
@@ -191,13 +209,64 @@ bool Run::start() {
   return wait_for("the topics of every node", [this] {
     bool all = !physics_ || physics_->attach();
     for (const auto& observer : observers_) all = observer->attach() && all;
+    if (stills_) all = stills_->attach() && all;
     return all;
   });
+}
+
+bool Run::plan_restart(const ChildEnd& end) {
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  rtbus::config::SuperviseConfig rules = plan_.supervise;
+  if (options_.no_restart) rules.restart = false;
+  RestartPolicy& policy = policies_.try_emplace(end.name, rules).first->second;
+  const RestartPolicy::Verdict verdict = policy.on_end(end.wait_status, end.started_ns, now_ns);
+  if (!verdict.restart) {
+    fail(end, verdict.why_not);
+    return false;
+  }
+  for (const std::vector<ChildSpec>& children : {plan_.plants, plan_.nodes}) {
+    for (const ChildSpec& child : children) {
+      if (child.name == end.name) {
+        pending_.push_back({child, now_ns + static_cast<std::uint64_t>(verdict.delay_s * 1e9)});
+      }
+    }
+  }
+  ended_cpu_s_[end.name] += end.cpu_s;
+  RestartFigures restart;
+  restart.node = end.name;
+  restart.how = end.how();
+  if (WIFEXITED(end.wait_status)) restart.status = WEXITSTATUS(end.wait_status);
+  if (WIFSIGNALED(end.wait_status)) restart.signal = WTERMSIG(end.wait_status);
+  restart.at_s = rtbus::seconds_between(running_ns_, now_ns);
+  restart.lived_s = rtbus::seconds_between(end.started_ns, now_ns);
+  restart.delay_s = verdict.delay_s;
+  report_.restarts.push_back(restart);
+  progress_.clear();
+  if (options_.quiet) {  // its words have not been shown yet
+    for (const std::string& line : end.last_words) std::fprintf(stderr, "%s\n", line.c_str());
+  }
+  std::fprintf(stderr, "rtbus run: %s (pid %d) %s; started again in %s s\n", end.name.c_str(), end.pid,
+               restart.how.c_str(), fixed(verdict.delay_s, 2).c_str());
+  return true;
+}
+
+bool Run::start_again() {
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  for (auto each = pending_.begin(); each != pending_.end();) {
+    if (now_ns < each->due_ns) {
+      ++each;
+      continue;
+    }
+    if (!start_children({each->child})) return false;
+    each = pending_.erase(each);
+  }
+  return true;
 }
 
 void Run::drain() {
   for (const auto& observer : observers_) observer->drain();
   if (physics_) physics_->drain();
+  if (stills_ && running_ns_ != 0) stills_->drain(rtbus::seconds_between(running_ns_, rtbus::monotonic_ns()));
 }
 
 void Run::start_bare_loop() {
@@ -236,9 +305,9 @@ void Run::follow() {
   const std::uint64_t end_ns =
       options_.duration_s ? running_ns_ + static_cast<std::uint64_t>(*options_.duration_s * 1e9) : UINT64_MAX;
   while (true) {
-    // A node that dies ends the session: the others would go on, safely, but the run is not what was asked for.
-    if (const auto end = supervisor_.poll()) {
-      fail(*end);
+    // The others go on, safely, while a node is away; without it for good the run is not what was asked for.
+    const auto end = supervisor_.poll();
+    if ((end && !plan_restart(*end)) || !start_again()) {
       report_.ended = "failure";
       return;
     }
@@ -261,7 +330,9 @@ void Run::fill_report(const Snapshot& first, const Snapshot& last) {
   const auto cost = [&](const std::string& name) {
     const auto before = first.processes.find(name), after = last.processes.find(name);
     if (before == first.processes.end() || after == last.processes.end()) return ProcessCost{};
-    return ProcessCost{after->second.cpu_s - before->second.cpu_s,
+    const auto earlier = ended_cpu_s_.find(name);
+    const double earlier_s = earlier == ended_cpu_s_.end() ? 0.0 : earlier->second;
+    return ProcessCost{earlier_s + after->second.cpu_s - before->second.cpu_s,
                        static_cast<double>(after->second.rss_bytes) / (1024.0 * 1024.0), after->second.threads};
   };
   report_.duration_s = rtbus::seconds_between(first.time_ns, last.time_ns);
@@ -279,14 +350,16 @@ void Run::fill_report(const Snapshot& first, const Snapshot& last) {
     report_.shm_bytes += topic.segment_bytes;
     const auto before = std::find_if(first.topics.begin(), first.topics.end(),
                                      [&](const rtbus::TopicInfo& each) { return each.topic == topic.topic; });
-    const std::uint64_t base = before == first.topics.end() ? 0 : before->published;
+    // A topic that was made anew counts from one again.
+    const std::uint64_t base =
+        before == first.topics.end() || before->published > topic.published ? 0 : before->published;
     report_.topics.push_back({topic.topic, topic.type_name, topic.sample_bytes, topic.published,
                               static_cast<double>(topic.published - base) / report_.duration_s});
   }
 }
 
 int Run::finish() {
-  if (!options_.no_plots && (!options_.plots.empty() || !options_.report.empty())) {
+  if (draws()) {
     RunPlots plots;
     const fs::path report(options_.report);
     plots.folder =
@@ -297,6 +370,11 @@ int Run::finish() {
     RunPlotsOutcome drawn = draw_run_plots(plots);
     report_.figures = std::move(drawn.files);
     if (!drawn.problem.empty()) std::fprintf(stderr, "rtbus run: %s\n", drawn.problem.c_str());
+    if (stills_) {
+      const StillsOutcome rendered = stills_->draw(plots.folder);
+      report_.figures.insert(report_.figures.end(), rendered.files.begin(), rendered.files.end());
+      if (!rendered.problem.empty()) std::fprintf(stderr, "rtbus run: %s\n", rendered.problem.c_str());
+    }
   }
   report_.wall_s = rtbus::seconds_between(began_ns_, rtbus::monotonic_ns());
   const nlohmann::ordered_json json = to_json(report_);
@@ -336,6 +414,11 @@ int Run::operator()() {
     follow();
     last.emplace(supervisor_, plan_.session.name);
     if (bare_) bare_->stop();
+    for (const Pending& each : pending_) {
+      report_.faults.push_back(each.child.name + " had crashed and was not back when the session ended");
+      progress_.clear();
+      std::fprintf(stderr, "rtbus run: %s\n", report_.faults.back().c_str());
+    }
   }
   progress_.clear();
   for (const ChildEnd& end : supervisor_.end_all()) fail(end);

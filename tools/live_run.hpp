@@ -17,12 +17,16 @@ struct RunOptions {
   std::string plots;                     ///< "": beside the report, if there is one.
   std::vector<std::string> assignments;  ///< --set.
   bool no_plots = false;
+  bool stills = false;  ///< Among the plots.
   bool no_bare_loop = false;
+  bool no_restart = false;
   bool json = false;
   bool quiet = false;
 };
 
-/// Starts what the plan says, follows it for the duration or until Ctrl-C, ends it in order, reports.
+/// Starts what the plan says, follows it for the duration or until Ctrl-C, restarts what crashes meanwhile as the
+/// session's `supervise` says, ends it in order, reports. A node that does not come up at the beginning is not
+/// restarted: then something is wrong that the user should see.
 /// @returns the exit status: 0 when every node did what it should.
 [[nodiscard]] int run_session(const RunOptions& options, RunPlan plan);
 

@@ -65,6 +65,21 @@ Json proxy_age(const HapticFigures& haptic) {
       {"p50", number(s.proxy_age_p50_ms)}, {"p99", number(s.proxy_age_p99_ms)}, {"max", number(s.proxy_age_max_ms)}};
 }
 
+std::size_t restarts_of(const RunReport& report, const std::string& node) {
+  return static_cast<std::size_t>(std::count_if(report.restarts.begin(), report.restarts.end(),
+                                                [&](const RestartFigures& each) { return each.node == node; }));
+}
+
+Json restart_json(const RestartFigures& restart) {
+  return {{"node", restart.node},
+          {"how", restart.how},
+          {"exit_status", restart.status ? Json(*restart.status) : Json(nullptr)},
+          {"signal", restart.signal ? Json(*restart.signal) : Json(nullptr)},
+          {"at_s", number(restart.at_s)},
+          {"lived_s", number(restart.lived_s)},
+          {"delay_s", number(restart.delay_s)}};
+}
+
 Json haptic_json(const HapticFigures& haptic, double duration_s) {
   const rtbus::LoopStats& s = haptic.stats;
   const rtbus::NodeInfo& info = haptic.info;
@@ -145,7 +160,12 @@ Json physics_json(const PhysicsFigures& physics, double duration_s) {
          {"published", proxy.published},
          {"in_contact", proxy.in_contact},
          {"coupling_force_n", {{"rms", number(proxy.coupling_n.rms())}, {"peak", number(proxy.coupling_n.peak)}}},
-         {"contact_force_n", {{"rms", number(proxy.contact_n.rms())}, {"peak", number(proxy.contact_n.peak)}}}});
+         {"contact_force_n", {{"rms", number(proxy.contact_n.rms())}, {"peak", number(proxy.contact_n.peak)}}},
+         {"impulse_n_s",
+          {{"seconds_compared", proxy.impulse.windows},
+           {"felt", number(proxy.impulse.felt_n_s)},
+           {"given", number(proxy.impulse.given_n_s)},
+           {"worst_second", proxy.impulse.windows > 0 ? number(proxy.impulse.worst) : Json(nullptr)}}}});
   }
   // The node's cost was measured while all ran, its simulated time since it started: bring both to the same seconds.
   const double simulated_per_s = s.steps > 0 ? s.achieved_hz * s.simulated_s / static_cast<double>(s.steps) : 0.0;
@@ -154,8 +174,10 @@ Json physics_json(const PhysicsFigures& physics, double duration_s) {
           {"rate_hz", number(s.rate_hz)},
           {"achieved_hz", number(s.achieved_hz)},
           {"steps", s.steps},
+          {"steps_due", s.due},
           {"late", s.late},
           {"simulated_s", number(s.simulated_s)},
+          {"real_time_factor", number(s.wall_s > 0.0 ? s.simulated_s / s.wall_s : 0.0)},
           {"step_ms", {{"p50", number(s.step_p50_ms)}, {"p99", number(s.step_p99_ms)}, {"max", number(s.step_max_ms)}}},
           {"bodies", s.bodies},
           {"proxies", proxies},
@@ -181,6 +203,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
             {"wall_s", number(report.wall_s)},
             {"ended", report.ended},
             {"faults", report.faults},
+            {"restarts", Json::array()},
             {"machine",
              {{"cpu", machine.cpu},
               {"cores", machine.cores},
@@ -191,9 +214,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
               {"governor", machine.governor},
               {"isolated_cores", machine.isolated_cores}}}};
   json["haptic"] = Json::array();
-  for (const HapticFigures& haptic : report.haptic) json["haptic"].push_back(haptic_json(haptic, report.duration_s));
+  for (const HapticFigures& haptic : report.haptic) {
+    json["haptic"].push_back(haptic_json(haptic, report.duration_s));
+    json["haptic"].back()["restarts"] = restarts_of(report, haptic.name);
+  }
   json["bare_loop"] = report.bare_loop ? bare_json(*report.bare_loop) : Json(nullptr);
   json["physics"] = report.physics ? physics_json(*report.physics, report.duration_s) : Json(nullptr);
+  if (report.physics) json["physics"]["restarts"] = restarts_of(report, "physics");
+  for (const RestartFigures& restart : report.restarts) json["restarts"].push_back(restart_json(restart));
   Json topics = Json::array();
   for (const TopicFigures& topic : report.topics) {
     topics.push_back({{"name", topic.name},

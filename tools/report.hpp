@@ -10,6 +10,7 @@
 
 #include "rtbus/messages.hpp"
 #include "tools/ask_kernel.hpp"
+#include "tools/impulse_balance.hpp"
 #include "tools/live_error.hpp"
 
 namespace tools {
@@ -56,6 +57,7 @@ struct ProxyFigures {
   std::uint64_t published = 0;
   std::uint64_t in_contact = 0;   ///< Steps with at least one contact.
   RmsPeak coupling_n, contact_n;  ///< On the proxy, in W.
+  ImpulseBalance::Figures impulse{};
 };
 
 struct PhysicsFigures {
@@ -63,6 +65,17 @@ struct PhysicsFigures {
   rtbus::StepStats stats;
   std::vector<ProxyFigures> proxies;
   ProcessCost cost;
+};
+
+/// A node that crashed and was started again.
+struct RestartFigures {
+  std::string node;
+  std::string how;            ///< "was killed by signal 11 (Segmentation fault)"
+  std::optional<int> status;  ///< Its exit status, or …
+  std::optional<int> signal;  ///< … the signal that killed it.
+  double at_s = 0.0;          ///< Since all nodes ran first.
+  double lived_s = 0.0;
+  double delay_s = 0.0;  ///< From its end to the new start.
 };
 
 struct TopicFigures {
@@ -81,6 +94,7 @@ struct RunReport {
   double wall_s = 0.0;      ///< With start and end.
   std::string ended;        ///< "duration", "interrupt" or "failure".
   std::vector<std::string> faults;
+  std::vector<RestartFigures> restarts;
   MachineFacts machine;
   std::vector<HapticFigures> haptic;
   std::optional<BareLoopFigures> bare_loop;

@@ -134,17 +134,32 @@ void add_haptic(std::string& out, const RunReport& report, const HapticFigures& 
   }
 }
 
+constexpr double kKeepsUp = 0.99;  // of real time
+
+std::string share_of_real_time(const rtbus::StepStats& s) { return fixed(100.0 * s.simulated_s / s.wall_s, 1) + " %"; }
+
 void add_physics(std::string& out, const PhysicsFigures& physics, double duration_s) {
   const rtbus::StepStats& s = physics.stats;
   out += "\nphysics: engine " + text_of(physics.info.kind) + ", " + text_of(physics.info.clock) + " at " +
          figure(s.rate_hz) + " Hz, " + std::to_string(s.bodies) + (s.bodies == 1 ? " body" : " bodies") + '\n';
   line(out, "steps",
-       std::to_string(s.steps) + ", " + std::to_string(s.late) + " late, at last " + figure(s.achieved_hz) + " Hz");
+       std::to_string(s.steps) + " of " + std::to_string(s.due) + " due, " + std::to_string(s.late) +
+           " late, at last " + figure(s.achieved_hz) + " Hz");
+  if (s.wall_s > 0.0 && s.simulated_s < kKeepsUp * s.wall_s) {
+    line(out, "TOO SLOW",
+         "simulated time ran at " + share_of_real_time(s) + " of real time: lower physics.rate_hz or " +
+             "physics.solver_iterations, or make the scene smaller");
+  }
   line(out, "step", percentiles(s.step_p50_ms, s.step_p99_ms, s.step_max_ms, "ms"));
   for (const ProxyFigures& proxy : physics.proxies) {
     line(out, "proxy",
          proxy.device + ": in contact " + share(proxy.in_contact, proxy.published) + ", contact force rms " +
              figure(proxy.contact_n.rms()) + ", peak " + figure(proxy.contact_n.peak) + " N");
+    if (proxy.impulse.windows == 0) continue;
+    line(out, "momentum",
+         figure(proxy.impulse.felt_n_s) + " N s felt, " + figure(proxy.impulse.given_n_s) +
+             " N s given to the world in " + std::to_string(proxy.impulse.windows) +
+             " s of contact; a second differs by at most " + figure(100.0 * proxy.impulse.worst) + " %");
   }
   line(out, "process", cost_text(physics.cost, duration_s));
   line(out, "left out", text_of(physics.info.left_out));
@@ -163,6 +178,10 @@ std::string to_text(const RunReport& report) {
   if (report.physics) add_physics(out, *report.physics, report.duration_s);
   out += "\nbus: " + std::to_string(report.topics.size()) + " topics, " + human_bytes(report.shm_bytes) +
          " of shared memory\n";
+  for (const RestartFigures& restart : report.restarts) {
+    out += "restarted: " + restart.node + " " + restart.how + " at " + fixed(restart.at_s, 2) + " s, started again " +
+           fixed(restart.delay_s, 2) + " s later; its counters are those since then\n";
+  }
   for (const std::string& fault : report.faults) out += "FAULT: " + fault + '\n';
   return out;
 }

@@ -28,9 +28,11 @@ constexpr Entry kCommands[] = {
     {"export", "What a recording holds, or all of it as CSV", &tools::add_export},
     {"plot", "Draw signals of a recording or of a running session", &tools::add_plot},
 #endif
+    {"still", "Render a picture of a session's scene", &tools::add_still},
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},
     {"evaluate", "Run an experiment and check its figures", &tools::add_evaluate},
+    {"bench", "Measure this machine: what a physics step costs", &tools::add_bench},
 };
 
 constexpr const char* kFooter =

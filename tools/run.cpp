@@ -73,9 +73,14 @@ Action add_run(CLI::App& command) {
       ->type_name("KEY=VALUE");
   command.add_option("--plots", options->plots, "Folder of the figures; with --report the default is REPORT_plots")
       ->type_name("DIR");
+  command.add_flag("--stills", options->stills,
+                   "Render the scene at the start, the hardest push and the end, among the figures (needs povray; "
+                   "physics publishes body poses meanwhile)");
   command.add_flag("--no-plots", options->no_plots, "No figures");
   command.add_flag("--no-bare-loop", options->no_bare_loop,
                    "Do not run a bare realtime loop beside the haptic loop (it is run with --report)");
+  command.add_flag("--no-restart", options->no_restart,
+                   "End the session when a node crashes, whatever `supervise` in its file says");
   command.add_flag("--json", options->json, "Print the report as JSON");
   command.add_flag("--quiet", options->quiet, "Neither progress nor the nodes' messages");
   return [options] { return run(*options); };

@@ -6,10 +6,11 @@
 #include <optional>
 #include <string>
 
+#include "haptic_node/mapping.hpp"
 #include "haptic_node/node_config.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/messages.hpp"
-#include "rtbus/topic.hpp"
+#include "rtbus/subscription.hpp"
 #include "tools/live_error.hpp"
 #include "tools/report.hpp"
 #include "tools/trace.hpp"
@@ -41,11 +42,12 @@ class HapticObserver {
   /// @param config Outlives the observer.
   HapticObserver(const rtbus::Session& session, const haptic::HapticConfig& config);
 
-  /// Opens the node's topics, and holds its telemetry on. @returns false when some are not there.
+  /// Opens the node's topics, and holds its telemetry on; opens anew what a restarted node or somebody's `rm` has
+  /// replaced. @returns false when some are not there.
   [[nodiscard]] bool attach();
 
-  /// Takes in everything that is new: call it every 20 ms, and once more after the nodes have ended (their last
-  /// statistics stay mapped here).
+  /// Takes in everything that is new, then attaches again: call it every 20 ms, and once more after the nodes have
+  /// ended (their last statistics stay mapped here).
   void drain();
 
   /// Fills in what was seen. The cost of the process is the caller's to add.
@@ -67,12 +69,11 @@ class HapticObserver {
   void take(const rtbus::Telemetry& tick);
   void take(const rtbus::ProxyState& proxy);
 
-  rtbus::Session session_;
   const haptic::HapticConfig& config_;
-  std::optional<rtbus::Reader<rtbus::Telemetry>> ticks_;
-  std::optional<rtbus::Reader<rtbus::LoopStats>> stats_reader_;
-  std::optional<rtbus::Reader<rtbus::NodeInfo>> info_reader_;
-  std::optional<rtbus::Reader<rtbus::ProxyState>> proxies_;
+  rtbus::Subscription<rtbus::Telemetry> ticks_;
+  rtbus::Subscription<rtbus::LoopStats> stats_reader_;
+  rtbus::Subscription<rtbus::NodeInfo> info_reader_;
+  rtbus::Subscription<rtbus::ProxyState> proxies_;
   std::optional<LiveError> error_;  ///< None for a law that needs no physics.
 
   rtbus::Stamped<rtbus::Telemetry> tick_;
@@ -85,6 +86,8 @@ class HapticObserver {
   double ledger_min_j_ = 0.0;
   std::uint64_t contact_steps_ = 0;
   RmsPeak coupling_n_, contact_n_;
+  haptic::Mapping mapping_;  ///< Of forces: rotation and scale, which nothing shifts.
+  ImpulseBalance impulse_;
   Trace<MotionRow> motion_;
   Trace<StepRow> steps_;
   std::unique_ptr<rtbus::Histogram> wakeup_ns_ = std::make_unique<rtbus::Histogram>();
@@ -93,7 +96,8 @@ class HapticObserver {
 /// The physics node's own topics. One thread.
 class PhysicsObserver {
  public:
-  explicit PhysicsObserver(const rtbus::Session& session) : session_(session) {}
+  explicit PhysicsObserver(const rtbus::Session& session)
+      : stats_reader_(session, "physics.step_stats"), info_reader_(session, "physics.node_info") {}
   [[nodiscard]] bool attach();
   void drain();
   /// Without the proxies and the cost of the process.
@@ -101,9 +105,8 @@ class PhysicsObserver {
   [[nodiscard]] const rtbus::StepStats& stats() const noexcept { return stats_.value; }
 
  private:
-  rtbus::Session session_;
-  std::optional<rtbus::Reader<rtbus::StepStats>> stats_reader_;
-  std::optional<rtbus::Reader<rtbus::NodeInfo>> info_reader_;
+  rtbus::Subscription<rtbus::StepStats> stats_reader_;
+  rtbus::Subscription<rtbus::NodeInfo> info_reader_;
   rtbus::Stamped<rtbus::StepStats> stats_;
   rtbus::Stamped<rtbus::NodeInfo> info_;
 };

@@ -3,6 +3,7 @@
 #include "rtbus/config/session.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/ask_kernel.hpp"
+#include "tools/core_plan.hpp"
 
 namespace tools {
 
@@ -14,6 +15,8 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   RunPlan plan;
   plan.session = config.session;
   plan.scene = config.scene.name;
+  plan.supervise = config.supervise;
+  plan.world = config.scene;
   if (config.physics) plan.physics = physics::read_node_config(config);
   for (std::size_t i = 0; i < config.haptic.size(); ++i) plan.haptic.push_back(haptic::read_haptic_config(config, i));
 
@@ -24,11 +27,21 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
     return ChildSpec{std::move(name), stage, folder + "/" + program, std::move(arguments)};
   };
   if (plan.physics) plan.nodes.push_back(child("physics", Stage::kPhysics, "physics_node", {}));
-  for (const haptic::HapticConfig& haptic : plan.haptic) {
+  std::vector<int> requested;
+  for (const haptic::HapticConfig& haptic : plan.haptic) requested.push_back(haptic.realtime.core);
+  const std::vector<int> cores = plan_cores(cores_of_this_process(), requested);
+  for (std::size_t i = 0; i < plan.haptic.size(); ++i) {
+    haptic::HapticConfig& haptic = plan.haptic[i];
     if (haptic.device->own_process()) {
       plan.plants.push_back(child(haptic.name + " plant", Stage::kPlant, "simulated_plant", {"--node", haptic.name}));
     }
     plan.nodes.push_back(child(haptic.name, Stage::kHaptic, "haptic_node", {"--name", haptic.name}));
+    if (plan.haptic.size() > 1 && cores[i] != haptic.realtime.core) {
+      // One loop alone chooses for itself. Last, it wins over an `auto` among the assignments.
+      const std::string key = "haptic." + std::to_string(i) + ".realtime.core";
+      plan.nodes.back().arguments.insert(plan.nodes.back().arguments.end(), {"--set", key + "=" + std::to_string(cores[i])});
+      haptic.realtime.core = cores[i];
+    }
   }
   return plan;
 }

@@ -9,6 +9,8 @@
 #include "haptic_node/node_config.hpp"
 #include "physics_node/node_config.hpp"
 #include "rtbus/config/document.hpp"
+#include "rtbus/config/scene.hpp"
+#include "rtbus/config/session.hpp"
 #include "rtbus/segment.hpp"
 #include "tools/supervisor.hpp"
 
@@ -16,7 +18,9 @@ namespace tools {
 
 struct RunPlan {
   rtbus::Session session;
-  std::string scene;
+  std::string scene;           ///< Its name.
+  rtbus::config::Scene world;  ///< The scene itself, for pictures.
+  rtbus::config::SuperviseConfig supervise;
   std::vector<haptic::HapticConfig> haptic;
   std::optional<physics::NodeConfig> physics;
   std::vector<ChildSpec> plants;  ///< To be started first: a haptic node opens its device at once.

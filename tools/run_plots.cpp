@@ -192,18 +192,49 @@ Figure age_figure(const RunPlots& plots, const HapticObserver& haptic) {
   return figure;
 }
 
-Figure step_figure(const RunPlots& plots, const HapticObserver& haptic) {
+/// Events in windows of equal width, as a rate. `per_row`: events that a row stands for.
+template <class Row>
+void write_rate(std::ofstream& tsv, std::span<const Row> rows, std::uint64_t per_row) {
+  constexpr double kWindow_s = 0.25;
+  std::size_t i = 0;
+  for (double begin_s = rows.front().time_s; begin_s + kWindow_s <= rows.back().time_s; begin_s += kWindow_s) {
+    std::uint64_t count = 0;
+    for (; i < rows.size() && rows[i].time_s < begin_s + kWindow_s; ++i) count += per_row;
+    tsv << format("%.3f", begin_s + 0.5 * kWindow_s) << format("\t%.6g\n", static_cast<double>(count) / kWindow_s);
+  }
+  tsv << "\n\n";  // gnuplot's end of a block
+}
+
+/// Achieved rates of all loops above, time of each physics step below.
+Figure rates_figure(const RunPlots& plots, const HapticObserver& haptic) {
   const std::span<const StepRow> rows = haptic.steps().rows();
   std::ofstream tsv(plots.folder / "physics_step.tsv");
   tsv << "# time_s\tstep_ms\n";
   for (const StepRow& row : rows) tsv << format("%.6f", row.time_s) << format("\t%.6g", row.step_ms) << '\n';
+  std::ofstream rates(plots.folder / "rates.tsv");
+  rates << "# time_s\trate_hz: physics, then each haptic loop, in blocks\n";
+  write_rate(rates, rows, haptic.steps().stride());
+  std::string curves = "plot 'rates.tsv' index 0 using 1:2 with steps lw 2 lc rgb '#762a83' title 'physics steps'";
+  constexpr std::array<const char*, 3> kColours{"#202020", "#b2182b", "#1b7837"};
+  for (std::size_t i = 0; i < plots.haptic.size(); ++i) {
+    if (plots.haptic[i]->motion().rows().empty()) continue;
+    write_rate(rates, plots.haptic[i]->motion().rows(), plots.haptic[i]->motion().stride());
+    curves += ", '' index " + std::to_string(i + 1) + " using 1:2 with steps lw 1.5 lc rgb '" +
+              kColours[i % kColours.size()] + "' title " + gnuplot_quoted(plots.haptic[i]->config().name + " loop");
+  }
   const auto [mean, max] = mean_and_max(rows, &StepRow::step_ms);
   const bool short_steps = mean < 0.1;
-  Figure figure{"physics_step", kStyle, 1200, 500};
-  figure.body += "set title " + gnuplot_quoted("session " + plots.session + ": physics steps") +
-                 " noenhanced\nset ylabel 'engine time of a step [" + (short_steps ? "us" : "ms") + "]'\n" +
+  Figure figure{"rates", kStyle, 1200, 800};
+  figure.body += "set multiplot layout 2,1 title " + gnuplot_quoted("session " + plots.session + ": rates and steps") +
+                 " noenhanced\nset xrange [0:" + format("%.6g", std::max(rows.back().time_s, 1e-3)) +
+                 "]\nset yrange [0:*]\nset offsets 0,0,graph 0.25,0\n" +
+                 "set key top right horizontal\nset format x ''\nset bmargin 1\n" +
+                 "set ylabel 'rate in windows of 0.25 s [Hz]'\n" + curves +
+                 "\nset offsets 0,0,0,0\nset format x\nset bmargin 4\nset ylabel 'engine time of a step [" +
+                 (short_steps ? "us" : "ms") + "]'\n" +
                  cloud(std::string("'physics_step.tsv' using 1:") + (short_steps ? "($2*1e3)" : "2"),
-                       rows.back().time_s, short_steps ? 1e3 * mean : mean, short_steps ? 1e3 * max : max, "#762a83");
+                       rows.back().time_s, short_steps ? 1e3 * mean : mean, short_steps ? 1e3 * max : max, "#762a83") +
+                 "unset multiplot\n";
   return figure;
 }
 
@@ -230,7 +261,7 @@ RunPlotsOutcome draw_run_plots(const RunPlots& plots) {
   // Every proxy carries the time of its step, which is the same for all devices: one is enough.
   const auto stepped = std::find_if(plots.haptic.begin(), plots.haptic.end(),
                                     [](const HapticObserver* haptic) { return !haptic->steps().rows().empty(); });
-  if (stepped != plots.haptic.end()) figures.push_back(step_figure(plots, **stepped));
+  if (stepped != plots.haptic.end()) figures.push_back(rates_figure(plots, **stepped));
 
   const std::optional<Gnuplot> gnuplot = Gnuplot::find();
   if (!gnuplot) {

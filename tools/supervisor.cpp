@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -33,6 +34,7 @@ constexpr std::uint64_t kPollPeriod_ns = 5 * rtbus::kNsPerMs;
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
   ::signal(SIGINT, SIG_DFL);
   ::signal(SIGTERM, SIG_DFL);
+  ::signal(SIGHUP, SIG_DFL);
   ::signal(SIGPIPE, SIG_IGN);  // a node that loses its supervisor must end by its own ladder, not by a failed log line
   const int nothing_fd = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
   if (nothing_fd >= 0) ::dup2(nothing_fd, STDIN_FILENO);
@@ -47,6 +49,7 @@ constexpr std::uint64_t kPollPeriod_ns = 5 * rtbus::kNsPerMs;
 }  // namespace
 
 std::string ChildEnd::how() const {
+  if (stuck) return "has not ended, not even by SIGKILL: it hangs inside the kernel";
   if (WIFSIGNALED(wait_status)) {
     const int number = WTERMSIG(wait_status);
     return "was killed by signal " + std::to_string(number) + " (" + ::strsignal(number) + ")" +
@@ -78,7 +81,7 @@ rtbus::Result<void, std::string> Supervisor::start(const ChildSpec& spec) {
     return failure;
   }
   ::setpgid(pid, pid);  // here too: whoever comes first, a Ctrl-C from now on does not reach the child
-  children_.push_back({spec.name, spec.stage, pid, ends[0], {}, {}});
+  children_.push_back({spec.name, spec.stage, pid, rtbus::monotonic_ns(), ends[0], {}, {}});
   return {};
 }
 
@@ -104,11 +107,22 @@ void Supervisor::pump(Child& child) {
 std::optional<ChildEnd> Supervisor::reap(Child& child) {
   pump(child);
   int status = 0;
-  if (::waitpid(child.pid, &status, WNOHANG) != child.pid) return std::nullopt;
+  rusage used{};
+  if (::wait4(child.pid, &status, WNOHANG, &used) != child.pid) return std::nullopt;
   pump(child);  // what it wrote between the first look and its end
   take_line(child, std::exchange(child.partial_line, {}));
   ::close(child.output_fd);
-  return ChildEnd{child.name, child.pid, status, false, std::move(child.last_words)};
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
+  };
+  ChildEnd end;
+  end.name = child.name;
+  end.pid = child.pid;
+  end.wait_status = status;
+  end.started_ns = child.started_ns;
+  end.cpu_s = seconds(used.ru_utime) + seconds(used.ru_stime);
+  end.last_words = std::move(child.last_words);
+  return end;
 }
 
 std::optional<ChildEnd> Supervisor::poll() {
@@ -130,6 +144,7 @@ std::vector<ChildEnd> Supervisor::end_all() {
       ::kill(child.pid, SIGCONT);  // one that was stopped sees the SIGTERM only when it goes on
     }
     const std::uint64_t patience_end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(kPatience_s * 1e9);
+    const std::uint64_t give_up_ns = patience_end_ns + static_cast<std::uint64_t>(kKillPatience_s * 1e9);
     bool killing = false;
     const auto in_stage = [stage](const Child& child) { return child.stage == stage; };
     while (std::any_of(children_.begin(), children_.end(), in_stage)) {
@@ -141,6 +156,14 @@ std::vector<ChildEnd> Supervisor::end_all() {
       }
       for (auto child = children_.begin(); child != children_.end();) {
         auto end = reap(*child);
+        if (!end && in_stage(*child) && rtbus::monotonic_ns() > give_up_ns) {
+          ::close(child->output_fd);
+          end.emplace();
+          end->name = child->name;
+          end->pid = child->pid;
+          end->wait_status = SIGKILL;
+          end->stuck = true;
+        }
         if (!end) {
           ++child;
           continue;

@@ -4,6 +4,7 @@
 ///
 /// A child gets SIGTERM from the kernel when the supervisor dies, however that happens, and a process group of its own,
 /// so that Ctrl-C in the terminal reaches only the supervisor, which then ends the children one stage after the other.
+/// Whether one that ended by itself is started again is the caller's business (restart_policy.hpp).
 #include <sys/types.h>
 
 #include <cstdint>
@@ -32,7 +33,10 @@ struct ChildEnd {
   std::string name;
   pid_t pid = 0;
   int wait_status = 0;                  ///< As waitpid() gives it.
+  std::uint64_t started_ns = 0;         ///< CLOCK_MONOTONIC.
+  double cpu_s = 0.0;                   ///< User plus system time over its life.
   bool killed = false;                  ///< It did not end in time and got SIGKILL from us.
+  bool stuck = false;                   ///< Not even that ended it in time: it hangs inside the kernel.
   std::vector<std::string> last_words;  ///< The last lines it wrote.
 
   /// "ended with status 1", "was killed by signal 9 (Killed)".
@@ -48,8 +52,10 @@ struct ChildView {
 /// One thread: the one that starts a child must live as long as the child, for the leash is tied to it.
 class Supervisor {
  public:
-  /// How long a child may take from SIGTERM to its end.
+  /// How long a child may take from SIGTERM to its end, and from SIGKILL to its burial. Only a child that hangs inside
+  /// the kernel outlasts both; it is named and left behind.
   static constexpr double kPatience_s = 2.0;
+  static constexpr double kKillPatience_s = 1.0;
 
   /// @param on_line Called for each line that a child writes to stdout or stderr, from within the calls below.
   using OnLine = std::function<void(const std::string& child, std::string_view line)>;
@@ -62,11 +68,11 @@ class Supervisor {
   [[nodiscard]] rtbus::Result<void, std::string> start(const ChildSpec& spec);
 
   /// Passes on what the children wrote and looks whether one has ended by itself. Call it every 20 ms or so.
-  /// @returns the first that ended; the others go on. A restart policy would act on it.
+  /// @returns the first that ended; the others go on. start() it again, or end_all().
   [[nodiscard]] std::optional<ChildEnd> poll();
 
-  /// Ends all that still run: SIGTERM stage by stage, SIGKILL after kPatience_s. @returns those that did not end well:
-  /// killed, or with a status other than zero.
+  /// Ends all that still run: SIGTERM stage by stage, SIGKILL after kPatience_s. Takes at most three stages of
+  /// kPatience_s + kKillPatience_s. @returns those that did not end well: killed, or with a status other than zero.
   std::vector<ChildEnd> end_all();
 
   [[nodiscard]] std::vector<ChildView> running() const;
@@ -76,6 +82,7 @@ class Supervisor {
     std::string name;
     Stage stage;
     pid_t pid;
+    std::uint64_t started_ns;
     int output_fd;
     std::string partial_line;
     std::vector<std::string> last_words;

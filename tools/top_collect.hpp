@@ -34,14 +34,18 @@ class Follow {
   void drain(Visit&& visit) {
     attach();
     rtbus::Stamped<T> sample;
-    while (reader_ && reader_->read_next(sample) == rtbus::ReadStatus::kFresh) visit(sample);
+    while (reader_ && reader_->read_next(sample) == rtbus::ReadStatus::kFresh) {
+      if (sample.stamp_ns <= visited_until_ns_) continue;  // a writer that makes its topic anew writes both for a while
+      visited_until_ns_ = sample.stamp_ns;
+      visit(sample);
+    }
   }
 
   [[nodiscard]] bool writer_alive() const { return reader_ && reader_->writer_alive(); }
 
  private:
   void attach() {
-    if (reader_ && (reader_->writer_alive() || !reader_->replaced())) return;
+    if (reader_ && !reader_->replaced()) return;
     auto opened = rtbus::Reader<T>::open(session_, topic_, {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
     if (opened) reader_.emplace(std::move(*opened));
   }
@@ -50,6 +54,7 @@ class Follow {
   std::string topic_;
   std::optional<rtbus::Reader<T>> reader_;
   std::optional<rtbus::Stamped<T>> newest_;
+  std::uint64_t visited_until_ns_ = 0;
 };
 
 /// One per screen; one thread.

@@ -172,8 +172,9 @@ void add_physics(Lines& lines, const PhysicsView& view) {
   lines.push_back({head, tone_of(view.life)});
   if (!view.stats) return;
   const rtbus::StepStats& stats = *view.stats;
-  lines.push_back({print("  rate      %.1f of %.0f Hz   steps %llu   late %llu   simulated %.1f s", stats.achieved_hz,
-                         stats.rate_hz, count(stats.steps), count(stats.late), stats.simulated_s)});
+  lines.push_back({print("  rate      %.1f of %.0f Hz   steps %llu of %llu   late %llu   simulated %.1f s",
+                         stats.achieved_hz, stats.rate_hz, count(stats.steps), count(stats.due), count(stats.late),
+                         stats.simulated_s)});
   lines.push_back(
       {print("  step      p50 %.3f  p99 %.3f  max %.3f ms", stats.step_p50_ms, stats.step_p99_ms, stats.step_max_ms)});
 }

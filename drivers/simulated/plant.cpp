@@ -16,13 +16,13 @@ rtbus::Result<std::unique_ptr<Plant>, rtbus::TopicError> Plant::create(const Sim
                                                                        const rtbus::Session& session,
                                                                        const std::string& node_name) {
   auto states =
-      rtbus::Writer<rtbus::PlantState>::create(session, node_name + ".plant_state", {.capacity = kStatesKept});
+      rtbus::Publication<rtbus::PlantState>::create(session, node_name + ".plant_state", {.capacity = kStatesKept});
   if (!states) return rtbus::Failure{states.error()};
   return std::unique_ptr<Plant>(new Plant(settings, session, node_name, std::move(*states)));
 }
 
 Plant::Plant(const SimulatedSettings& settings, const rtbus::Session& session, const std::string& node_name,
-             rtbus::Writer<rtbus::PlantState> states)
+             rtbus::Publication<rtbus::PlantState> states)
     : mechanics_(settings.mechanics, settings.hand),
       period_ns_(static_cast<std::uint64_t>(std::llround(1e9 / settings.plant_rate_hz))),
       force_timeout_ns_(settings.force_timeout_ns()),

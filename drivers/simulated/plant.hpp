@@ -10,10 +10,10 @@
 #include "drivers/simulated/mechanics.hpp"
 #include "drivers/simulated/simulated_config.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/publication.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/result.hpp"
 #include "rtbus/subscription.hpp"
-#include "rtbus/topic.hpp"
 
 namespace drivers::simulated {
 
@@ -32,18 +32,22 @@ class Plant {
   /// its software runs.
   void run_until(const std::atomic<bool>& stop) noexcept;
 
-  /// Looks for the haptic node's topic; about every 20 ms, on another thread. @realtime No.
-  void maintain() noexcept { commands_.maintain(); }
+  /// Looks for the haptic node's topic, and makes its own anew when it was deleted; about every 20 ms, on another
+  /// thread. @realtime No.
+  void maintain() noexcept {
+    commands_.maintain();
+    states_.maintain();
+  }
 
  private:
   Plant(const SimulatedSettings& settings, const rtbus::Session& session, const std::string& node_name,
-        rtbus::Writer<rtbus::PlantState> states);
+        rtbus::Publication<rtbus::PlantState> states);
   void cycle(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
   Mechanics mechanics_;
   std::uint64_t period_ns_;
   std::uint64_t force_timeout_ns_;
-  rtbus::Writer<rtbus::PlantState> states_;
+  rtbus::Publication<rtbus::PlantState> states_;
   rtbus::Subscription<rtbus::PlantCommand> commands_;
   rtbus::Stamped<rtbus::PlantCommand> command_;
   bool commanded_ = false;  ///< A command has come: the script runs.

@@ -18,7 +18,7 @@ PlantLink::PlantLink(const SimulatedSettings& settings, const OpenContext& conte
 rtbus::Result<void, DeviceFault> PlantLink::start(std::uint64_t) {
   stop();
   const std::string topic = context_.node_name + ".plant_command";
-  auto writer = rtbus::Writer<rtbus::PlantCommand>::create(context_.session, topic);
+  auto writer = rtbus::Publication<rtbus::PlantCommand>::create(context_.session, topic);
   if (!writer) return rtbus::Failure{DeviceFault{topic + ": " + rtbus::to_string(writer.error())}};
   commands_.emplace(std::move(*writer));
   clamped_ = 0;

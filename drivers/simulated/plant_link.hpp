@@ -12,8 +12,8 @@
 #include "drivers/simulated/simulated_config.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/publication.hpp"
 #include "rtbus/subscription.hpp"
-#include "rtbus/topic.hpp"
 
 namespace drivers::simulated {
 
@@ -40,7 +40,10 @@ class PlantLink final : public Device {
   [[nodiscard]] IoStatus read(std::uint64_t now_ns, DeviceSample& out) noexcept RTBUS_NONBLOCKING override;
   [[nodiscard]] IoStatus write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING override;
   [[nodiscard]] std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING override { return clamped_; }
-  void maintain() noexcept override { states_.maintain(); }
+  void maintain() noexcept override {
+    states_.maintain();
+    if (commands_) commands_->maintain();
+  }
 
   /// Publishes zero force and removes the command topic. A restart needs another start().
   void stop() noexcept override;
@@ -53,7 +56,7 @@ class PlantLink final : public Device {
   OpenContext context_;
   std::uint64_t sample_period_ns_;
   rtbus::Subscription<rtbus::PlantState> states_;
-  std::optional<rtbus::Writer<rtbus::PlantCommand>> commands_;
+  std::optional<rtbus::Publication<rtbus::PlantCommand>> commands_;
   rtbus::Stamped<rtbus::PlantState> newest_;
   bool unread_ = false;      ///< newest_ came in by fetch() and was not handed out by read() yet.
   bool have_state_ = false;  ///< Something came since start().

@@ -10,13 +10,13 @@
 #include <thread>
 #include <vector>
 
-#include <spdlog/spdlog.h>
-
 #include "drivers/registry.hpp"
 #include "drivers/simulated/plant.hpp"
 #include "drivers/simulated/simulated_config.hpp"
-#include "rtbus/leash.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/ending_signals.hpp"
+#include "rtbus/leash.hpp"
+#include "rtbus/node_log.hpp"
 
 namespace {
 
@@ -92,12 +92,8 @@ int run(Plant& plant, const std::string& node, const sigset_t& endings) {
 
 int main(int argc, char** argv) {
   // Before any thread exists, so that all of them leave the signals to run().
-  sigset_t endings;
-  sigemptyset(&endings);
-  sigaddset(&endings, SIGINT);
-  sigaddset(&endings, SIGTERM);
-  ::pthread_sigmask(SIG_BLOCK, &endings, nullptr);
-
+  const sigset_t endings = rtbus::block_ending_signals();
+  rtbus::log_to_stderr("simulated_plant");
   if (!rtbus::stay_on_leash()) return kFailed;
   try {
     Arguments arguments;

@@ -20,8 +20,8 @@ std::unique_ptr<Renderer> make_remote_virtual_coupling(const RendererContext& co
 }
 
 constexpr std::array kRenderers{
-    RendererEntry{"direct", false, &make_direct},
-    RendererEntry{"remote_virtual_coupling", true, &make_remote_virtual_coupling},
+    RendererEntry{"direct", false, false, &make_direct},
+    RendererEntry{"remote_virtual_coupling", true, false, &make_remote_virtual_coupling},
 };
 
 }  // namespace

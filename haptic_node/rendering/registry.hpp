@@ -23,6 +23,7 @@ struct RendererContext {
 struct RendererEntry {
   std::string_view name;
   bool needs_physics;
+  bool needs_contacts;  ///< Physics is asked to publish ProxyContacts (rtbus/contact_messages.hpp); else it saves the work.
   std::unique_ptr<Renderer> (*make)(const RendererContext& context);
 };
 

@@ -35,10 +35,17 @@ std::size_t AnalyticWorld::add_proxy(const ProxyParameters& parameters) {
 void AnalyticWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
   Proxy& proxy = proxies_.at(index);
   if (!position_m.allFinite()) return;
+  proxy.released = false;
   proxy.state = ProxyReadout{};
   proxy.state.position_m = clamp_each(position_m, kMaxPositionM);
   proxy.target.position_m = proxy.state.position_m;
   proxy.target.velocity_m_s.setZero();
+}
+
+void AnalyticWorld::release_proxy(std::size_t index) {
+  const Vector3d place = proxies_.at(index).state.position_m;  // a copy: the state is cleared before it is used
+  reset_proxy(index, place);
+  proxies_[index].released = true;
 }
 
 void AnalyticWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) {
@@ -56,10 +63,34 @@ void AnalyticWorld::set_proxy_target(std::size_t index, const ProxyTarget& targe
 void AnalyticWorld::step(double step_s) {
   if (!std::isfinite(step_s) || step_s <= 0.0) return;
   const double h = std::clamp(step_s, kMinStepS, kMaxStepS);
-  for (Proxy& proxy : proxies_) step_proxy(proxy, h);
+  for (Proxy& proxy : proxies_) {
+    if (!proxy.released) step_proxy(proxy, h);
+  }
 }
 
 ProxyReadout AnalyticWorld::proxy(std::size_t index) const { return proxies_.at(index).state; }
+
+void AnalyticWorld::contacts(std::size_t index, double radius_m, ContactSet& out) const {
+  const Proxy& proxy = proxies_.at(index);
+  out.radius_m = radius_m;
+  out.proxy_radius_m = proxy.parameters.radius_m;
+  out.proxy_mass_kg = proxy.parameters.mass_kg;
+  FoundContacts found;
+  for (std::size_t i = 0; i < shapes_.size() && !proxy.released; ++i) {
+    const rtbus::shapes::SurfacePoint nearest = rtbus::shapes::nearest_surface(shapes_[i], proxy.state.position_m);
+    const double gap_m = nearest.distance_m - proxy.parameters.radius_m;
+    if (gap_m > radius_m) continue;
+    Contact contact;
+    contact.point_m = nearest.point_m;
+    contact.normal = nearest.normal;
+    contact.gap_m = gap_m;
+    contact.friction = proxy.parameters.friction * shapes_[i].friction;
+    contact.row = static_cast<std::uint32_t>(i);
+    found.push_back(contact);
+  }
+  keep_nearest(found, out);
+  for (BodyBehind& body : out.bodies) body.centre_m = shapes_[body.body].p_WB;
+}
 
 BodyPose AnalyticWorld::body_pose(std::size_t body) const {
   const rtbus::shapes::PlacedShape& placed = shapes_.at(body);
@@ -98,6 +129,12 @@ void AnalyticWorld::step_proxy(Proxy& proxy, double h) const {
   state.coupling_force_n = K * (x_T - state.position_m) + B * (v_T - v_mean);
   state.contact_force_n = Vector3d::Zero();
   if (swept.contacts > 0) state.contact_force_n = m * (v_next - v) / h - state.coupling_force_n;
+}
+
+std::size_t AnalyticWorld::solved_contacts() const noexcept {
+  std::size_t points = 0;
+  for (const Proxy& proxy : proxies_) points += proxy.state.contacts;
+  return points;
 }
 
 }  // namespace physics

@@ -37,12 +37,15 @@ class AnalyticWorld final : public World {
   /// Throws std::invalid_argument for a mass ≤ 0, a negative radius or friction, or a value that is not finite.
   std::size_t add_proxy(const ProxyParameters& parameters) override;
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
+  void release_proxy(std::size_t proxy) override;
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
+  void contacts(std::size_t proxy, double radius_m, ContactSet& out) const override;
   [[nodiscard]] std::size_t bodies() const noexcept override { return shapes_.size(); }
   [[nodiscard]] BodyPose body_pose(std::size_t body) const override;
   [[nodiscard]] std::size_t awake_bodies() const noexcept override { return 0; }
+  [[nodiscard]] std::size_t solved_contacts() const noexcept override;
   [[nodiscard]] std::vector<std::string> warnings(double) const override { return {}; }
 
  private:
@@ -50,6 +53,7 @@ class AnalyticWorld final : public World {
     ProxyParameters parameters;
     ProxyTarget target;
     ProxyReadout state;
+    bool released = false;
   };
   void step_proxy(Proxy& proxy, double h) const;
 

@@ -34,7 +34,7 @@ BulletProxy::BulletProxy(const ProxyParameters& parameters, double radius_m, dou
   reset(parameters.position_m);
 }
 
-void BulletProxy::reset(const Vector3d& position_m) {
+void BulletProxy::reset(Vector3d position_m) {
   if (!position_m.allFinite()) return;
   state_ = ProxyReadout{};
   place(clamped(position_m), Vector3d::Zero());

@@ -35,7 +35,8 @@ class BulletProxy {
   /// `radius_m` > 0. Throws std::invalid_argument as World::add_proxy() of the analytic engine does.
   BulletProxy(const ProxyParameters& parameters, double radius_m, double scale);
 
-  void reset(const Eigen::Vector3d& position_m);
+  /// By value: the place may be that of state(), which is cleared.
+  void reset(Eigen::Vector3d position_m);
   void set_target(const ProxyTarget& target);
 
   /// Mass and velocity for a step of `h` seconds.
@@ -48,6 +49,13 @@ class BulletProxy {
   }
 
   [[nodiscard]] btRigidBody& body() noexcept { return *body_; }
+  [[nodiscard]] const btRigidBody& body() const noexcept { return *body_; }
+  [[nodiscard]] double mass_kg() const noexcept { return mass_kg_; }
+  /// Radius as Bullet has it [units].
+  [[nodiscard]] double radius() const noexcept { return static_cast<double>(shape_->getRadius()); }
+  /// Out of the world: BulletWorld takes it out and puts it back.
+  [[nodiscard]] bool released() const noexcept { return released_; }
+  void set_released(bool released) noexcept { released_ = released; }
   [[nodiscard]] const ProxyReadout& state() const noexcept { return state_; }
 
  private:
@@ -67,6 +75,7 @@ class BulletProxy {
   Eigen::Vector3d ghost_momentum_ = Eigen::Vector3d::Zero();  // m_g·v_g
   btVector3 free_velocity_{0, 0, 0};                          // as handed to Bullet
   bool touched_ = false;
+  bool released_ = false;
 };
 
 }  // namespace physics::bullet

@@ -15,8 +15,13 @@ namespace config = rtbus::config;
 namespace shapes = rtbus::shapes;
 
 constexpr double kSkin = 0.005;        // of the shortest extent
-constexpr double kGoodExtent = 0.6;    // units
-constexpr double kLargestScale = 1e4;  // 60 µm; below it the range of positions becomes the limit
+constexpr double kLargestScale = 1e5;  // 100 µm; below it the range of positions becomes the limit
+
+/// Boxes and cylinders lie within their margin, not around it: it rounds their edges for the general algorithm. Bullet's
+/// own choice, a tenth of the smallest half extent and at most 0.04 units of 0.6.
+btScalar margin_of(double smallest_half_m, double scale) {
+  return static_cast<btScalar>(std::min(0.1 * smallest_half_m * scale, 0.04 * kToleranceScale));
+}
 
 Vector3d extents_m(const config::TriangleMesh& mesh) {
   Vector3d low = mesh.vertices_m.front();
@@ -88,12 +93,14 @@ MadeShape make_shape(const config::BodyShape& shape, double scale) {
     out.shape = std::make_unique<btSphereShape>(length(sphere->radius_m));
   } else if (const auto* box = std::get_if<shapes::Box>(&shape)) {
     out.shape = std::make_unique<btBoxShape>(to_bullet(box->half_size_m, scale));
+    out.shape->setMargin(margin_of(box->half_size_m.minCoeff(), scale));
   } else if (const auto* capsule = std::get_if<config::Capsule>(&shape)) {
     out.shape = std::make_unique<btCapsuleShape>(length(capsule->radius_m),
                                                  length(capsule->length_m - 2.0 * capsule->radius_m));
   } else if (const auto* cylinder = std::get_if<config::Cylinder>(&shape)) {
     out.shape = std::make_unique<btCylinderShape>(
         btVector3(length(cylinder->radius_m), length(0.5 * cylinder->length_m), length(cylinder->radius_m)));
+    out.shape->setMargin(margin_of(std::min(cylinder->radius_m, 0.5 * cylinder->length_m), scale));
   } else if (const auto* hull = std::get_if<config::ConvexHull>(&shape)) {
     out = make_hull(*hull->points, scale);
   } else if (const auto* mesh = std::get_if<config::Mesh>(&shape)) {
@@ -125,6 +132,6 @@ double smallest_moving_extent_m(const config::Scene& scene) {
   return smallest > 0.0 ? smallest : kDefaultExtentM;
 }
 
-double length_scale(double extent_m) { return std::clamp(kGoodExtent / extent_m, 1.0, kLargestScale); }
+double length_scale(double extent_m) { return std::min(kGoodExtent / extent_m, kLargestScale); }
 
 }  // namespace physics::bullet

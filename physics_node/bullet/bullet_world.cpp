@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <utility>
 
 namespace physics::bullet {
@@ -41,6 +42,9 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
   info.m_numIterations = settings.solver_iterations;
   info.m_solverMode |= SOLVER_RANDMIZE_ORDER;  // so spelt
   solver_.setRandSeed(kShuffleSeed);
+  info.m_splitImpulsePenetrationThreshold *= static_cast<btScalar>(kToleranceScale);
+  world_.getDispatchInfo().m_allowedCcdPenetration *= static_cast<btScalar>(kToleranceScale);
+  world_.setForceUpdateAllAabbs(false);  // what sleeps or is static has not moved
 
   // Bullet's own algorithm for two spheres makes no contact while they are apart, however little, and keeps the old one
   // with its old normal: a proxy that slides over a ball then lifts off along a tangent and drops back, 37 times a second.
@@ -75,7 +79,9 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
 }
 
 BulletWorld::~BulletWorld() {
-  for (const auto& proxy : proxies_) world_.removeRigidBody(&proxy->body());
+  for (const auto& proxy : proxies_) {
+    if (!proxy->released()) world_.removeRigidBody(&proxy->body());
+  }
   for (const SceneBody& body : bodies_) world_.removeRigidBody(body.rigid.get());
 }
 
@@ -96,11 +102,23 @@ void BulletWorld::add_body(const config::Body& body, std::shared_ptr<MadeShape> 
   auto rigid = std::make_unique<btRigidBody>(info);
   // A contact that is seen before it touches brakes the body down to the rest of the gap in one step, and nothing is left
   // to bounce. A body that bounces is therefore solved from touching on.
+  if (body.motion) {
+    rigid->setCollisionFlags(rigid->getCollisionFlags() | btCollisionObject::CF_KINEMATIC_OBJECT);
+    moving_.push_back({rigid.get(), body});
+  }
+  rigid->setUserIndex(static_cast<int>(bodies_.size()));
   if (moves && body.restitution > 0.0) rigid->setContactProcessingThreshold(0);
   world_.addRigidBody(rigid.get(), moves ? kMovingGroup : kStaticGroup,
                       moves ? kStaticGroup | kMovingGroup | kProxyGroup : kMovingGroup | kProxyGroup);
   if (moves) set_thresholds(body, *rigid);
-  bodies_.push_back({std::move(made), std::move(rigid)});
+  double reach = std::numeric_limits<double>::infinity();
+  if (made->shape->isConvex()) {
+    btVector3 middle;
+    btScalar radius = 0;
+    made->shape->getBoundingSphere(middle, radius);
+    reach = static_cast<double>(middle.length() + radius);
+  }
+  bodies_.push_back({std::move(made), std::move(rigid), reach});
 }
 
 void BulletWorld::set_thresholds(const config::Body& body, btRigidBody& rigid) const {
@@ -127,12 +145,59 @@ void BulletWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
   BulletProxy& proxy = *proxies_.at(index);
   if (!position_m.allFinite()) return;
   proxy.reset(position_m);
+  if (proxy.released()) {
+    proxy.set_released(false);
+    world_.addRigidBody(&proxy.body(), kProxyGroup, kStaticGroup | kMovingGroup);
+    return;
+  }
   // Contacts of the place it left must not act at the new one.
   broadphase_.getOverlappingPairCache()->cleanProxyFromPairs(proxy.body().getBroadphaseHandle(), &dispatcher_);
   world_.updateSingleAabb(&proxy.body());
 }
 
+void BulletWorld::release_proxy(std::size_t index) {
+  BulletProxy& proxy = *proxies_.at(index);
+  if (proxy.released()) return;
+  // What it has touched stays awake until it has found its own rest.
+  for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
+    const btPersistentManifold* const manifold = dispatcher_.getInternalManifoldPointer()[i];
+    if (manifold->getBody0() == &proxy.body()) manifold->getBody1()->activate();
+    if (manifold->getBody1() == &proxy.body()) manifold->getBody0()->activate();
+  }
+  world_.removeRigidBody(&proxy.body());
+  proxy.reset(proxy.state().position_m);
+  proxy.set_released(true);
+}
+
 void BulletWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) { proxies_.at(index)->set_target(target); }
+
+btTransform BulletWorld::pose_of(int index, const rtbus::config::PlacedAt& at) const {
+  const Vector3d centre_m = at.p_WB + at.q_WB * bodies_[static_cast<std::size_t>(index)].made->centre_m;
+  return btTransform(to_bullet(at.q_WB), to_bullet(centre_m, scale_));
+}
+
+/// Bullet takes the velocity of a kinematic body to be the way from its interpolation transform to its world transform, and
+/// looks for contacts at the latter. The latter is therefore the pose at the start of the step, and the former lies as far
+/// behind it as the step goes ahead.
+void BulletWorld::place_moving(double h) {
+  for (const MovingBody& each : moving_) {
+    const auto now = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_);
+    const auto next = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_ + h);
+    const btTransform at_now = pose_of(each.rigid->getUserIndex(), now);
+    const bool moves = (next.p_WB - now.p_WB).squaredNorm() > 0.0 || next.q_WB.coeffs() != now.q_WB.coeffs();
+    const btTransform behind =
+        moves ? pose_of(each.rigid->getUserIndex(),
+                        {2.0 * now.p_WB - next.p_WB, now.q_WB * next.q_WB.conjugate() * now.q_WB})
+              : at_now;
+    each.rigid->setWorldTransform(at_now);
+    each.rigid->setInterpolationWorldTransform(behind);
+    each.rigid->forceActivationState(moves ? DISABLE_DEACTIVATION : ISLAND_SLEEPING);
+    if (!moves) {  // Bullet looks only at those that are awake
+      each.rigid->setLinearVelocity(btVector3(0, 0, 0));
+      each.rigid->setAngularVelocity(btVector3(0, 0, 0));
+    }
+  }
+}
 
 void BulletWorld::step(double step_s) {
   if (!std::isfinite(step_s) || step_s <= 0.0) return;
@@ -141,9 +206,17 @@ void BulletWorld::step(double step_s) {
   gDeactivationTime = static_cast<btScalar>(deactivation_.after_s);
   world_.getSolverInfo().m_restitutionVelocityThreshold = static_cast<btScalar>(2.0 * gravity_m_s2_ * h * scale_);
 
+  place_moving(h);
   for (const auto& proxy : proxies_) proxy->before_step(h);
   world_.stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
+  time_s_ += h;
+  step_s_ = h;
+  for (const MovingBody& each : moving_) {
+    const auto at = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_);
+    each.rigid->setWorldTransform(pose_of(each.rigid->getUserIndex(), at));
+  }
   for (const auto& proxy : proxies_) {
+    if (proxy->released()) continue;
     proxy->after_step(h, [this, &proxy] { return contacts_of(proxy->body()); });
   }
 }
@@ -159,8 +232,20 @@ BodyPose BulletWorld::body_pose(std::size_t index) const {
 
 std::size_t BulletWorld::awake_bodies() const noexcept {
   return static_cast<std::size_t>(std::count_if(bodies_.begin(), bodies_.end(), [](const SceneBody& body) {
-    return !body.rigid->isStaticObject() && body.rigid->isActive();
+    return !body.rigid->isStaticOrKinematicObject() && body.rigid->isActive();
   }));
+}
+
+std::size_t BulletWorld::solved_contacts() const noexcept {
+  std::size_t points = 0;
+  for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
+    const btPersistentManifold& manifold = *dispatcher_.getManifoldByIndexInternal(i);
+    const auto is_solved = [](const btCollisionObject* body) { return !body->isStaticOrKinematicObject() && body->isActive(); };
+    if (is_solved(manifold.getBody0()) || is_solved(manifold.getBody1())) {
+      points += static_cast<std::size_t>(manifold.getNumContacts());
+    }
+  }
+  return points;
 }
 
 std::uint32_t BulletWorld::contacts_of(const btRigidBody& body) {
@@ -180,7 +265,7 @@ std::uint32_t BulletWorld::contacts_of(const btRigidBody& body) {
 std::vector<std::string> BulletWorld::warnings(double longest_step_s) const {
   std::vector<std::string> out;
   const bool moves = std::any_of(bodies_.begin(), bodies_.end(),
-                                 [](const SceneBody& body) { return !body.rigid->isStaticObject(); });
+                                 [](const SceneBody& body) { return !body.rigid->isStaticOrKinematicObject(); });
   if (!moves || gravity_m_s2_ <= 0.0) return out;
   const double resting_s = kRestingStep * std::sqrt(smallest_m_ / gravity_m_s2_);
   if (longest_step_s > resting_s * (1.0 + 1e-9)) {

@@ -3,18 +3,20 @@
 /// The engine `bullet`: rigid bodies of any shape that move, stack, slide and sleep. Only files of this folder include
 /// Bullet; they make a module of their own (module.cpp).
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "physics_node/bullet/bullet_proxy.hpp"
 #include "physics_node/bullet/bullet_shapes.hpp"
+#include "physics_node/bullet/bullet_solver.hpp"
 #include "physics_node/engine_module.hpp"
 
 namespace physics::bullet {
 
 /// Lengths are scaled by the smallest body that moves (length_scale()). Contacts are solved by sequential impulses in
 /// random order, which makes stacks creep ten times less than a fixed one; the shuffle is seeded per world, so that two
-/// runs of a scene are bit-identical. Bodies that overlap are pushed apart, by Bullet's defaults: deeper than 0.04 units as
+/// runs of a scene are bit-identical. Bodies that overlap are pushed apart, by Bullet's defaults: deeper than a fifteenth of the smallest body as
 /// a displacement, which gives no body and no hand any speed; less deep through the velocity. (As a displacement at any
 /// depth, stacks crept two to twenty times as far, and ten layers fell over at 2 ms.)
 ///
@@ -22,10 +24,13 @@ namespace physics::bullet {
 /// anything until something awake touches it. Where the scene names no threshold it is 6 % of √(g·e) and of 4.5 % of
 /// √(g/e), e being the body's shortest extent: 27 mm/s and 1 rad/s for 20 mm on earth. Without gravity nothing sleeps.
 ///
+/// Kinematic bodies. At the start of a step one is where its motion has it at that time, and moves with the mean velocity of
+/// the step: contacts are seen where they are, and carry along at that speed. One that stands still for a step lets its
+/// neighbours sleep, one that moves wakes them.
+///
 /// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
 /// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
-/// inertia of their bounding box; impacts slower than 2·g·h do not bounce, and others bounce up to a third higher than their
-/// restitution says, because the depth reached in the step of the impact is pushed out through the velocity.
+/// inertia of their bounding box; impacts slower than 2·g·h do not bounce.
 class BulletWorld final : public World {
  public:
   static constexpr double kSmallestRadius = 0.05;
@@ -39,20 +44,35 @@ class BulletWorld final : public World {
 
   std::size_t add_proxy(const ProxyParameters& parameters) override;
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
+  void release_proxy(std::size_t proxy) override;
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
+  void contacts(std::size_t proxy, double radius_m, ContactSet& out) const override;
   [[nodiscard]] std::size_t bodies() const noexcept override { return bodies_.size(); }
   [[nodiscard]] BodyPose body_pose(std::size_t body) const override;
   [[nodiscard]] std::size_t awake_bodies() const noexcept override;
+  [[nodiscard]] std::size_t solved_contacts() const noexcept override;
   [[nodiscard]] std::vector<std::string> warnings(double longest_step_s) const override;
 
  private:
   struct SceneBody {
     std::shared_ptr<MadeShape> made;  // shared along a grid
     std::unique_ptr<btRigidBody> rigid;
+    double reach = 0.0;  ///< No point of it is farther from its centre of mass [units]; infinite of planes and meshes.
+  };
+  /// One that moves by itself.
+  struct MovingBody {
+    btRigidBody* rigid;
+    rtbus::config::Body body;
   };
   void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
+  void place_moving(double h);
+  [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
+  void find_contacts(const BulletProxy& proxy, double radius_m, FoundContacts& out) const;
+  void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
+  void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first,
+                   std::uint32_t row, ContactSet& out) const;
   void set_thresholds(const rtbus::config::Body& body, btRigidBody& rigid) const;
   [[nodiscard]] std::uint32_t contacts_of(const btRigidBody& body);
 
@@ -66,10 +86,13 @@ class BulletWorld final : public World {
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_{&configuration_};
   btDbvtBroadphase broadphase_;
-  btSequentialImpulseConstraintSolver solver_;
+  BulletSolver solver_;
   btDiscreteDynamicsWorld world_{&dispatcher_, &broadphase_, &solver_, &configuration_};
   std::vector<SceneBody> bodies_;
+  std::vector<MovingBody> moving_;
   std::vector<std::unique_ptr<BulletProxy>> proxies_;
+  double time_s_ = 0.0;  // simulated so far
+  double step_s_ = 1.0;  // the last step
 };
 
 }  // namespace physics::bullet

@@ -19,7 +19,8 @@ constexpr std::size_t kMaxBodies = 20000;
 Eigen::Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
 BodyType read_type(Map& body) {
-  return body.choice("type", {"static", "dynamic"}) == "static" ? BodyType::kStatic : BodyType::kDynamic;
+  const std::string type = body.choice("type", {"static", "dynamic", "kinematic"});
+  return type == "static" ? BodyType::kStatic : type == "dynamic" ? BodyType::kDynamic : BodyType::kKinematic;
 }
 
 Eigen::Quaterniond read_orientation(Map& body) {
@@ -39,15 +40,22 @@ bool valid_name(const std::string& name) {
 }
 
 void read_motion(Map& map, Body& body) {
-  if (body.type == BodyType::kStatic) {
+  if (body.type != BodyType::kDynamic) {
     for (const char* key : {"mass_kg", "linear_damping_per_s", "angular_damping_per_s", "asleep"}) {
-      if (map.has(key)) map.fail(key, "belongs to a body that moves; leave it out, or write type: dynamic");
+      if (map.has(key)) map.fail(key, "belongs to a body that forces move; leave it out, or write type: dynamic");
     }
-    return;
   }
+  if (body.type != BodyType::kKinematic && map.has("motion")) {
+    map.fail("motion", "belongs to a body that moves by itself; leave it out, or write type: kinematic");
+  }
+  if (body.type == BodyType::kStatic) return;
   if (std::holds_alternative<shapes::Plane>(body.shape) || std::holds_alternative<Mesh>(body.shape)) {
     map.fail("shape", "is a " + std::string(name_of(body.shape)) +
                           ", which has no volume and cannot move; write type: static, or take a convex_hull or a box");
+  }
+  if (body.type == BodyType::kKinematic) {
+    body.motion = read_body_motion(map, body.p_WB);
+    return;
   }
   body.mass_kg = map.number("mass_kg", {1e-9, 1e6});
   body.linear_damping_per_s = map.number("linear_damping_per_s", {0.0, 30.0}, 0.0);
@@ -90,7 +98,13 @@ std::vector<Body> read_grid(Map& map, const Body& first) {
       for (int k = 0; k < static_cast<int>(count[2]); ++k) {
         Body body = first;
         body.name += '_' + std::to_string(i) + '_' + std::to_string(j) + '_' + std::to_string(k);
-        body.p_WB += Eigen::Vector3d(i, j, k).cwiseProduct(spacing_m);
+        const Eigen::Vector3d shift_m = Eigen::Vector3d(i, j, k).cwiseProduct(spacing_m);
+        body.p_WB += shift_m;
+        if (body.motion) {
+          if (auto* const path = std::get_if<WaypointMotion>(&*body.motion)) {
+            for (Eigen::Vector3d& point : path->positions_m) point += shift_m;
+          }
+        }
         out.push_back(std::move(body));
       }
     }

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "rtbus/config/body_motion.hpp"
 #include "rtbus/config/body_shape.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/shapes/shapes.hpp"
@@ -16,8 +17,9 @@ namespace rtbus::config {
 
 /// How a body moves.
 enum class BodyType {
-  kStatic,   ///< Never moves.
-  kDynamic,  ///< Moved by gravity, contacts and the hand. Needs an engine that moves bodies.
+  kStatic,     ///< Never moves.
+  kDynamic,    ///< Moved by gravity, contacts and the hand. Needs an engine that moves bodies.
+  kKinematic,  ///< Moves by its own motion and yields to nothing. Likewise.
 };
 
 /// One body in W (right-handed, y up).
@@ -32,6 +34,7 @@ struct Body {
   double mass_kg = 0.0;                ///< Of a dynamic body, spread evenly over its volume; else 0.
   double linear_damping_per_s = 0.0;   ///< dv/dt = −λ·v, as of a body in air.
   double angular_damping_per_s = 0.0;  ///< Likewise of the angular velocity.
+  std::optional<BodyMotion> motion;    ///< Of a kinematic body, else none.
   bool asleep = false;                 ///< Starts at rest and stays so until something touches it.
 };
 

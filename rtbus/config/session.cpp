@@ -71,6 +71,23 @@ rtbus::Session read_bus(Map& root) {
   return session;
 }
 
+SuperviseConfig read_supervise(Map& root) {
+  SuperviseConfig out;
+  std::optional<Map> map = root.optional_map("supervise");
+  if (!map) return out;
+  out.restart = map->boolean("restart", out.restart);
+  out.first_delay_s = map->number("first_delay_s", {0.1, 60.0}, out.first_delay_s);
+  out.longest_delay_s = map->number("longest_delay_s", {0.1, 3600.0}, std::max(out.longest_delay_s, out.first_delay_s));
+  if (out.longest_delay_s < out.first_delay_s) {
+    map->fail("longest_delay_s", "is below supervise.first_delay_s; make it at least as long");
+  }
+  out.good_life_s = map->number("good_life_s", {0.1, 86400.0}, out.good_life_s);
+  out.restarts = static_cast<int>(map->integer("restarts", 1, 1000, out.restarts));
+  out.window_s = map->number("window_s", {1.0, 86400.0}, out.window_s);
+  map->finish();
+  return out;
+}
+
 bool valid_node_name(const std::string& name) {
   return !name.empty() && name.size() <= kMaxNodeName && name.front() >= 'a' && name.front() <= 'z' &&
          std::all_of(name.begin(), name.end(),
@@ -113,12 +130,13 @@ SessionConfig load_session(const std::string& file, const std::vector<Override>&
   Map root = load(file, overrides);
   (void)root.choice("schema", {"session/1"});
   rtbus::Session session = read_bus(root);
+  SuperviseConfig supervise = read_supervise(root);
   Map scene_map = root.file_or_map("scene");
   Scene scene = read_scene(scene_map);
   std::optional<Map> physics = root.optional_map("physics");
   std::vector<HapticEntry> haptic = read_haptic(root);
   root.finish();
-  return {std::move(session), std::move(scene), std::move(physics), std::move(haptic), file};
+  return {std::move(session), supervise, std::move(scene), std::move(physics), std::move(haptic), file};
 }
 
 }  // namespace rtbus::config

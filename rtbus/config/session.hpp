@@ -18,8 +18,19 @@ struct HapticEntry {
   Map map;           ///< The rest of its keys, for haptic_node's own reader, which must end with map.finish().
 };
 
+/// What `rtbus run` does when a node crashes. The nodes themselves do not read it.
+struct SuperviseConfig {
+  bool restart = true;
+  double first_delay_s = 0.25;   ///< Longer than any device holds a force, so that a new node begins on a free hand.
+  double longest_delay_s = 5.0;  ///< Each crash in a row doubles the delay up to this.
+  double good_life_s = 10.0;     ///< A node that lived so long begins with the first delay again.
+  int restarts = 5;              ///< More than so many of one node within window_s: given up.
+  double window_s = 60.0;
+};
+
 struct SessionConfig {
   rtbus::Session session;  ///< Name, mode and group of its shared-memory segments.
+  SuperviseConfig supervise;
   Scene scene;
   std::optional<Map> physics;       ///< For physics_node's own reader; none: no physics process.
   std::vector<HapticEntry> haptic;  ///< At least one; names are unique.

@@ -2,10 +2,17 @@
 #include "tools/harness/harness.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "physics_node/pose_publisher.hpp"
 
 namespace {
 
@@ -43,6 +50,37 @@ TEST(Harness, GivesTwoBitIdenticalRuns) {
     EXPECT_EQ(hash[0], hash[1]) << file;
   }
 }
+
+#if RTBUS_WITH_BULLET
+// Body poses only read the world: whoever looks changes no bit of the force, also while cubes are pushed.
+TEST(Harness, GivesTheSameForceWithAndWithoutAnObserverOfBodies) {
+  rtbus::Session bus;
+  bus.name = "harness-poses-" + std::to_string(::getpid());
+  std::uint64_t hash[2] = {}, frames = 0;
+  double force_n = 0.0;
+  for (const bool observed : {false, true}) {
+    auto settings = session("stack_125.yaml");
+    Harness harness(settings, {});
+    auto poses = physics::PosePublisher::create(bus, harness.stepper()->world().bodies());
+    ASSERT_TRUE(poses.has_value());
+    auto reader = rtbus::Reader<rtbus::BodyPoses>::open(bus, "physics.body_poses", {.presence = observed});
+    ASSERT_TRUE(reader.has_value());
+    for (double t = 0.0; t < 2.4; t += 0.02) {  // the tip meets the stack after 2 s
+      harness.run(0.02, [&](const Telemetry& tick) { force_n = std::max(force_n, norm(tick.force_n)); });
+      (*poses)->maintain();
+      (*poses)->publish_if_due(*harness.stepper(), static_cast<std::uint64_t>((1.0 + harness.now_s()) * 1e9));
+    }
+    hash[observed ? 1 : 0] = harness.hash();
+    rtbus::Stamped<rtbus::BodyPoses> sample;
+    if (reader->read_latest(sample) == rtbus::ReadStatus::kFresh) frames = sample.value.frame;
+    EXPECT_EQ(frames > 0, observed);
+  }
+  EXPECT_GT(frames, 40u);  // 2.4 s at a frame every 40 ms, the first multiple of 20 ms above 1/30 s
+  EXPECT_LT(frames, 75u);
+  EXPECT_GT(force_n, 0.5);
+  EXPECT_EQ(hash[0], hash[1]);
+}
+#endif
 
 TEST(Harness, SeesAnyChangeOfAGain) {
   std::uint64_t hash[2] = {};
@@ -154,9 +192,132 @@ TEST_P(BulletSession, RunsTwiceInTheSameWayAndTouches) {
   EXPECT_LE(peak_n, 7.9 + 1e-9);
 }
 
+// The hand rests on a plate that rises by 10 mm: at every tick the law's force follows from where hand and proxy are, the
+// proxy goes with the plate, and the hand, which has a grip of its own, feels it come and go.
+TEST(MovingPlate, LiftsTheProxyAndTheForceFollowsTheLaw) {
+  auto settings = session("moving_plate.yaml");
+  Harness harness(settings, {});
+  double lowest_n = 1e9, highest_n = 0.0;
+  harness.run(3.9, {});  // start-up, and one stroke of the plate
+  harness.run(4.0, [&](const Telemetry& tick) {
+    const double t = static_cast<double>(tick.tick) * 1e-3;
+    const double plate_m = 0.005 * (1.0 - std::cos(2.0 * M_PI * 0.5 * (t - 2.0)));
+    // The mapping's offset is the proxy's radius: in D the proxy touches where the plate's face is.
+    ASSERT_NEAR(tick.proxy_position_m[1], plate_m, 2e-4) << t;
+    const double law_n = 300.0 * (tick.proxy_position_m[1] - tick.position_m[1]) +
+                         0.5 * (tick.proxy_velocity_m_s[1] - tick.velocity_m_s[1]);
+    ASSERT_NEAR(tick.rendered_force_n[1], law_n, 1e-9) << t;
+    lowest_n = std::min(lowest_n, tick.force_n[1]);
+    highest_n = std::max(highest_n, tick.force_n[1]);
+  });
+  EXPECT_GT(lowest_n, 0.2);
+  EXPECT_GT(highest_n - lowest_n, 0.8) << "10 mm against springs of 300 N/m in series";
+}
+
+// Both hands hold the block up: each force is what its own law says, the vertical parts carry the weight, the horizontal
+// ones squeeze and are equal.
+TEST(TwoHands, LiftTheBlockEachWithItsOwnForce) {
+  auto settings = session("two_hands.yaml");
+  Harness harness(settings, {});
+  ASSERT_EQ(harness.hands(), 2u);
+  Telemetry last[2];
+  double sum[2][2] = {};  // of the force on the block along x and y, mean of the last second
+  harness.run_all(6.0, {});
+  harness.run_all(1.0, [&](std::size_t hand, const Telemetry& tick) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      ASSERT_NEAR(tick.rendered_force_n[a],
+                  300.0 * (tick.proxy_position_m[a] - tick.position_m[a]) +
+                      0.5 * (tick.proxy_velocity_m_s[a] - tick.velocity_m_s[a]),
+                  1e-9);
+    }
+    for (std::size_t a = 0; a < 2; ++a) sum[hand][a] -= tick.rendered_force_n[a] * 1e-3;
+    last[hand] = tick;
+  });
+  const auto block = harness.stepper()->world().body_pose(1);
+  EXPECT_GT(block.position_m.y(), 0.02 + 0.010) << "it hangs in the air";
+  EXPECT_GT(sum[0][0], 1.0) << "squeezed";
+  EXPECT_NEAR(sum[0][0], -sum[1][0], 0.02 * sum[0][0]);
+  EXPECT_NEAR(sum[0][1] + sum[1][1], 0.1 * 9.81, 0.02) << "each newton of its weight is felt";
+  EXPECT_LT(norm(last[0].velocity_m_s), 2e-3);
+}
+
+TEST(TwoHands, TheOtherGoesOnWhenOneIsKilledAndTheDeadHandLetsGo) {
+  for (const char* throttle : {"null", "100"}) {
+    auto settings = session("two_hands.yaml", {std::string("physics.throttle_hz=") + throttle});
+    Harness harness(settings, {});
+    harness.run_all(6.0, {});
+    ASSERT_GT(harness.stepper()->world().body_pose(1).position_m.y(), 0.03) << throttle;
+    harness.kill(0);
+    std::size_t ticks = 0;
+    double before_n = -1.0, largest_step_n = 0.0;
+    harness.run_all(2.0, [&](std::size_t hand, const Telemetry& tick) {
+      ASSERT_EQ(hand, 1u);
+      ++ticks;
+      const double force_n = norm(tick.force_n);
+      if (before_n >= 0.0) largest_step_n = std::max(largest_step_n, std::abs(force_n - before_n));
+      before_n = force_n;
+    });
+    EXPECT_EQ(ticks, 2000u) << throttle;
+    EXPECT_LT(largest_step_n, 0.5) << throttle;
+    EXPECT_NEAR(harness.stepper()->world().body_pose(1).position_m.y(), 0.02, 2e-3) << "the block has fallen";
+    EXPECT_EQ(harness.stepper()->answer(0).coupling_force_n, (rtbus::Vec3{0, 0, 0}));
+    EXPECT_EQ(harness.stepper()->answer(0).contact_force_n, (rtbus::Vec3{0, 0, 0}));
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Shipped, BulletSession,
-                         testing::Values("stack_125", "stack_250", "stack_500", "free_block", "beads_mm", "mixed_sizes"),
+                         testing::Values("stack_125", "stack_250", "stack_500", "free_block", "beads_mm", "mixed_sizes",
+                                         "moving_plate", "two_hands"),
                          [](const auto& row) { return std::string(row.param); });
+#endif
+
+#if RTBUS_WITH_BULLET
+/// Impulses along the push, second by second, both in the world's frame: what the hand felt, what the world received,
+/// and how far the proxy went.
+struct Push {
+  std::array<double, 5> felt_n_s{}, given_n_s{}, way_m{};
+};
+
+/// The hand starts at 1.0 s, meets the stack at about 2.7 s and stops at 5.0 s.
+Push push(std::vector<std::string> assignments) {
+  assignments.emplace_back("haptic.0.device.hand.speed_m_s=0.015");
+  auto settings = session("stack_125.yaml", assignments);
+  Harness harness(settings, {});
+  Push out;
+  std::size_t second = 0;
+  harness.observe_steps([&](const rtbus::ProxyState& step) {
+    out.given_n_s[second] += -step.contact_force_n[2] * step.step_s;
+    out.way_m[second] += -step.velocity_m_s[2] * step.step_s;
+  });
+  for (; second < out.felt_n_s.size(); ++second) {
+    harness.run(1.0, [&](const Telemetry& tick) { out.felt_n_s[second] += -tick.force_n[2] * 1e-3; });
+    std::printf("second %zu: felt %.4f, given %.4f N s, way %.1f mm\n", second, out.felt_n_s[second],
+                out.given_n_s[second], 1e3 * out.way_m[second]);
+  }
+  return out;
+}
+
+// Newton's third law: what the hand feels over each second of the push is what the world received in it, though the two
+// ends of the coupling are two springs, at 1000 Hz and at 100 Hz.
+TEST(Momentum, FeltByTheHandIsGivenToTheWorld) {
+  for (const auto& [pace, lead] : {std::pair{"physics.rate_hz=100", "0.5"}, {"physics.throttle_hz=100", "1.5"}}) {
+    const Push with = push({pace, "physics.substeps=" + std::string(lead == std::string("0.5") ? "10" : "1"),
+                            "haptic.0.proxy.lead_steps=" + std::string(lead)});
+    for (const std::size_t pushed : {3U, 4U}) {
+      EXPECT_GT(std::abs(with.given_n_s[pushed]), 0.1) << "it must be a push worth the name";
+      EXPECT_NEAR(with.felt_n_s[pushed] / with.given_n_s[pushed], 1.0, 0.05) << pace << ", second " << pushed;
+    }
+  }
+}
+
+// Without a lead the hand feels K·v·age more, age being what a throttled proxy has on the mean: 15 ms.
+TEST(Momentum, MissesTheAgeOfTheProxyWithoutALead) {
+  const Push plain = push({"physics.throttle_hz=100"});
+  const double drag_n_s = 300.0 * plain.way_m[3] * 0.015;
+  EXPECT_GT(drag_n_s, 0.04);
+  EXPECT_NEAR(plain.felt_n_s[3] - plain.given_n_s[3], -drag_n_s, 0.2 * drag_n_s);
+}
 #endif
 
 TEST(Clutch, MovesTheHandWithoutMovingTheToolAndReturnsWithoutAKick) {

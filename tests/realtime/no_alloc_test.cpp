@@ -38,8 +38,8 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   auto device = config.device->open({.session = settings.session, .node_name = config.name});
   ASSERT_TRUE(device) << device.error().message;
 
-  auto device_state = rtbus::Writer<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
-  auto telemetry = rtbus::Writer<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
+  auto device_state = rtbus::Publication<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
+  auto telemetry = rtbus::Publication<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
   ASSERT_TRUE(device_state && telemetry);
   haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", settings.physics.has_value());
   haptic::Loop loop(config, **device, link, true);
@@ -76,6 +76,18 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
       alive.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
       beat->publish(alive, now_ns);
     }
+    // Somebody deletes the topics: housekeeping makes them anew, the loop writes old and new ones, then lets go.
+    if (tick == 4000) {
+      for (const char* subject : {"device_state", "telemetry"}) {
+        const std::string name = rtbus::segment_name(settings.session.name, std::string("haptic0.") + subject);
+        ASSERT_EQ(unlink(("/dev/shm/" + name).c_str()), 0);
+      }
+    }
+    if (tick > 3000 && tick % 20 == 0) {
+      link.maintain();
+      telemetry->maintain();
+      rtbus::sleep_until(rtbus::monotonic_ns() + 2 * rtbus::kNsPerMs);  // a hand-over lasts by the real clock
+    }
     tests::AllocationTrap trap;
     loop.cycle(now_ns, now_ns);
     telemetry->publish(loop.telemetry(), now_ns);
@@ -86,6 +98,9 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
     peak_n = std::max(peak_n, std::abs(loop.telemetry().force_n[1]));
   }
   EXPECT_EQ(allocations, 0u);
+  EXPECT_EQ(telemetry->renewals(), 1u);
+  EXPECT_EQ(link.device_state().renewals(), 1u);
+  EXPECT_TRUE(rtbus::Reader<rtbus::Telemetry>::open(settings.session, "haptic0.telemetry"));
   EXPECT_GT(peak_n, 0.5) << "the run must have touched the wall, else it proves little";
   (*device)->stop();
 }

@@ -14,7 +14,7 @@
 #include <thread>
 
 #include "rtbus/messages.hpp"
-#include "rtbus/topic.hpp"
+#include "rtbus/subscription.hpp"
 #include "tests/support/process.hpp"
 
 #if !defined(RTBUS_SANITIZED)
@@ -41,21 +41,26 @@ TEST(HapticLoop, MakesNoSystemCallButItsSleep) {
   bus.name = session;
   double peak_n = 0.0;
   std::uint64_t ticks = 0;
+  bool deleted = false;
+  std::uint64_t renewed = 0;
   {
-    std::optional<rtbus::Reader<rtbus::Telemetry>> reader;
-    const auto end = std::chrono::steady_clock::now() + 6s;
+    rtbus::Subscription<rtbus::Telemetry> reader(bus, "haptic0.telemetry", {.presence = true});
+    const auto end = std::chrono::steady_clock::now() + 15s;
     while (std::chrono::steady_clock::now() < end && !(ticks > 2500 && peak_n > 0.1)) {
       std::this_thread::sleep_for(20ms);
-      if (!reader) {
-        auto opened = rtbus::Reader<rtbus::Telemetry>::open(bus, "haptic0.telemetry", {.presence = true});
-        if (opened) reader.emplace(std::move(*opened));
-        continue;
-      }
+      reader.maintain();
       rtbus::Stamped<rtbus::Telemetry> sample;
-      while (reader->read_next(sample) == rtbus::ReadStatus::kFresh) {
+      while (reader.read_next(sample) == rtbus::ReadStatus::kFresh) {
         ticks = sample.value.tick;
         peak_n = std::max(peak_n, sample.value.force_n[1]);
       }
+      // In the middle somebody deletes what the loop writes to; the hand-over is part of what is traced.
+      if (!deleted && ticks > 500) {
+        for (const char* topic : {"haptic0.telemetry", "haptic0.device_state"}) {
+          deleted = unlink(("/dev/shm/" + rtbus::segment_name(session, topic)).c_str()) == 0;
+        }
+      }
+      renewed = reader.attachments();
     }
   }
   // SIGTERM goes to the node itself, which names itself in its heartbeat; strace ends with it.
@@ -68,6 +73,8 @@ TEST(HapticLoop, MakesNoSystemCallButItsSleep) {
   physics.end(SIGTERM);
   ASSERT_GT(ticks, 1000u);
   EXPECT_GT(peak_n, 0.1) << "the run must have touched the wall";
+  EXPECT_TRUE(deleted);
+  EXPECT_EQ(renewed, 2u) << "the telemetry came back in a new segment";
 
   // The loop's thread is the one that takes the name haptic_loop; its cycles begin with its first sleep and end with
   // the last one. In between strace may show nothing else.

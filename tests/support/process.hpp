@@ -43,7 +43,15 @@ class Child {
   ~Child() { (void)end(SIGKILL); }
 
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
-  void signal(int number) const { ::kill(pid_, number); }
+  void signal(int number) const {
+    if (pid_ > 0) ::kill(pid_, number);
+  }
+  /// True once it has ended by itself; `status` is then that of waitpid().
+  [[nodiscard]] bool has_ended(int& status) {
+    if (pid_ <= 0 || ::waitpid(pid_, &status, WNOHANG) != pid_) return false;
+    pid_ = -1;
+    return true;
+  }
 
   /// Signals, waits, and gives the status of waitpid().
   int end(int number) {

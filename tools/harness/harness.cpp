@@ -12,28 +12,39 @@ namespace tools {
 namespace {
 constexpr std::uint64_t kStart_ns = rtbus::kNsPerS;  // any instant but 0, which means "never"
 constexpr std::uint64_t kBeatPeriod_ns = 20 * rtbus::kNsPerMs;
+constexpr std::uint64_t kDeviceSilent_ns = 100 * rtbus::kNsPerMs;  // physics::Node::kDeviceSilentNs
 
 std::uint64_t to_ns(double seconds) { return static_cast<std::uint64_t>(seconds * 1e9 + 0.5); }
 }  // namespace
 
-Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& options)
-    : options_(options), config_(haptic::read_haptic_config(session, 0)), now_ns_(kStart_ns), next_beat_ns_(kStart_ns) {
-  if (session.physics && haptic::find_renderer(config_.method)->needs_physics) {
-    physics_ = physics::read_physics_config(*session.physics);
-    stepper_ = std::make_unique<physics::Stepper>(
-        physics::make_world(physics_->engine, session.scene, physics_->engine_settings()),
-        std::vector<physics::ProxyConfig>{physics::read_proxy_config(session.haptic[0])}, physics_->substeps);
-    next_step_ns_ = kStart_ns + to_ns(options.physics_phase_s);
-  }
-  if (config_.device->own_process()) {
+Harness::Hand::Hand(haptic::HapticConfig settings, const rtbus::config::SessionConfig& session, std::uint64_t start_ns)
+    : config(std::move(settings)) {
+  if (config.device->own_process()) {
     throw std::runtime_error("the harness has no second process for a device with process: own");
   }
-  auto device = config_.device->open({.session = session.session, .node_name = config_.name});
-  if (!device) throw std::runtime_error(device.error().message);
-  device_ = std::move(*device);
-  loop_ = std::make_unique<haptic::Loop>(config_, *device_, link_, false);
-  if (auto started = device_->start(kStart_ns); !started) throw std::runtime_error(started.error().message);
-  next_tick_ns_ = kStart_ns + config_.period_ns();
+  auto opened = config.device->open({.session = session.session, .node_name = config.name});
+  if (!opened) throw std::runtime_error(opened.error().message);
+  device = std::move(*opened);
+  loop = std::make_unique<haptic::Loop>(config, *device, link, false);
+  if (auto started = device->start(start_ns); !started) throw std::runtime_error(started.error().message);
+  next_tick_ns = start_ns + config.period_ns();
+}
+
+Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& options)
+    : options_(options), now_ns_(kStart_ns), next_beat_ns_(kStart_ns) {
+  bool needs_physics = false;
+  for (std::size_t i = 0; i < session.haptic.size(); ++i) {
+    hands_.push_back(std::make_unique<Hand>(haptic::read_haptic_config(session, i), session, kStart_ns));
+    needs_physics = needs_physics || haptic::find_renderer(hands_.back()->config.method)->needs_physics;
+  }
+  if (session.physics && needs_physics) {
+    physics_ = physics::read_physics_config(*session.physics);
+    std::vector<physics::ProxyConfig> proxies;
+    for (auto& entry : session.haptic) proxies.push_back(physics::read_proxy_config(entry));
+    stepper_ = std::make_unique<physics::Stepper>(
+        physics::make_world(physics_->engine, session.scene, physics_->engine_settings()), proxies, physics_->substeps);
+    next_step_ns_ = kStart_ns + to_ns(options.physics_phase_s);
+  }
 }
 
 double Harness::now_s() const noexcept { return rtbus::seconds_between(kStart_ns, now_ns_); }
@@ -45,15 +56,28 @@ bool Harness::physics_silent(std::uint64_t now_ns) const noexcept {
 }
 
 void Harness::step_physics(std::uint64_t begin_ns) {
-  // As the node does it: read the hand, step. A throttled machine delivers when its period is over.
-  if (link_.device.sequence != 0) stepper_->set_device(0, link_.device.value, link_.device.sequence);
+  // As the node does it: read the hands, step. A throttled machine delivers when its period is over.
+  for (std::size_t i = 0; i < hands_.size(); ++i) {
+    Hand& hand = *hands_[i];
+    const rtbus::Stamped<rtbus::DeviceState>& device = hand.link.device;
+    if (device.sequence == 0) continue;
+    if (!hand.killed) {
+      stepper_->set_device(i, device.value, device.sequence);
+    } else if (!hand.silent && begin_ns > hand.heard_ns + kDeviceSilent_ns) {
+      stepper_->release(i);
+      hand.silent = true;
+    }
+  }
   stepper_->step(physics_->step_s(), physics_->parts_per_step());
-  rtbus::Stamped<rtbus::ProxyState> answer;
-  answer.value = stepper_->answer(0);
-  answer.sequence = ++proxies_sent_;
   const std::uint64_t published_ns = physics_->throttle_hz ? begin_ns + to_ns(physics_->step_s()) : begin_ns;
-  answer.stamp_ns = published_ns + to_ns(options_.latency_s);
-  under_way_.push_back(answer);
+  for (std::size_t i = 0; i < hands_.size(); ++i) {
+    rtbus::Stamped<rtbus::ProxyState> answer;
+    answer.value = stepper_->answer(i);
+    answer.sequence = ++hands_[i]->proxies_sent;
+    if (i == 0 && step_observer_) step_observer_(answer.value);
+    answer.stamp_ns = published_ns + to_ns(options_.latency_s);
+    hands_[i]->under_way.push_back(answer);
+  }
 }
 
 void Harness::advance_physics(std::uint64_t now_ns) {
@@ -61,33 +85,51 @@ void Harness::advance_physics(std::uint64_t now_ns) {
   for (; next_step_ns_ <= now_ns; next_step_ns_ += to_ns(physics_->step_s())) {
     if (!physics_silent(next_step_ns_)) step_physics(next_step_ns_);
   }
-  while (!under_way_.empty() && under_way_.front().stamp_ns <= now_ns) {
-    link_.proxy = under_way_.front();
-    link_.proxy_fresh = true;
-    under_way_.pop_front();
+  for (const auto& hand : hands_) {
+    while (!hand->under_way.empty() && hand->under_way.front().stamp_ns <= now_ns) {
+      hand->link.proxy = hand->under_way.front();
+      hand->link.proxy_fresh = true;
+      hand->under_way.pop_front();
+    }
   }
   for (; next_beat_ns_ <= now_ns; next_beat_ns_ += kBeatPeriod_ns) {
     if (physics_silent(next_beat_ns_)) continue;
-    link_.beat.sequence++;
-    link_.beat.stamp_ns = next_beat_ns_;
-    link_.beat.value.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
-    link_.beat.value.work_period_ns = to_ns(physics_->step_s());
-    link_.beat_fresh = true;
+    for (const auto& hand : hands_) {
+      hand->link.beat.sequence++;
+      hand->link.beat.stamp_ns = next_beat_ns_;
+      hand->link.beat.value.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
+      hand->link.beat.value.work_period_ns = to_ns(physics_->step_s());
+      hand->link.beat_fresh = true;
+    }
   }
 }
 
 void Harness::run(double duration_s, const Observer& observer) {
+  run_all(duration_s, [&observer](std::size_t node, const rtbus::Telemetry& telemetry) {
+    if (node == 0 && observer) observer(telemetry);
+  });
+}
+
+void Harness::run_all(double duration_s, const ObserverOfAll& observer) {
   const std::uint64_t end_ns = now_ns_ + to_ns(duration_s);
-  while (next_tick_ns_ <= end_ns) {
-    now_ns_ = next_tick_ns_;
+  while (true) {
+    std::size_t next = 0;
+    for (std::size_t i = 1; i < hands_.size(); ++i) {
+      if (hands_[i]->next_tick_ns < hands_[next]->next_tick_ns) next = i;
+    }
+    Hand& hand = *hands_[next];
+    if (hand.next_tick_ns > end_ns) break;
+    now_ns_ = hand.next_tick_ns;
+    hand.next_tick_ns += hand.config.period_ns();
     advance_physics(now_ns_);
-    loop_->cycle(now_ns_, now_ns_);
-    const rtbus::Telemetry& telemetry = loop_->telemetry();
+    if (hand.killed) continue;
+    hand.loop->cycle(now_ns_, now_ns_);
+    hand.heard_ns = now_ns_;
+    const rtbus::Telemetry& telemetry = hand.loop->telemetry();
     unsigned char bytes[sizeof telemetry];
     std::memcpy(bytes, &telemetry, sizeof telemetry);
     for (const unsigned char byte : bytes) hash_ = (hash_ ^ byte) * 0x100000001b3ULL;
-    if (observer) observer(telemetry);
-    next_tick_ns_ += config_.period_ns();
+    if (observer) observer(next, telemetry);
   }
   now_ns_ = end_ns;
 }

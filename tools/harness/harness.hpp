@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "drivers/device.hpp"
 #include "haptic_node/loop.hpp"
@@ -27,23 +28,40 @@ struct HarnessOptions {
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
 };
 
-/// One haptic node of a session (the first) with its physics, stepped by hand.
+/// The haptic nodes of a session with their physics, stepped by hand. What is said of "the" node is said of the first.
 class Harness {
  public:
   using Observer = std::function<void(const rtbus::Telemetry&)>;
+  using StepObserver = std::function<void(const rtbus::ProxyState&)>;
 
   /// @param session Is consumed: its node maps are read. Throws rtbus::config::Error; std::runtime_error when the
   /// device cannot be opened (`process: own` has no place here).
   Harness(rtbus::config::SessionConfig& session, const HarnessOptions& options);
 
-  /// Simulates `duration_s` more and shows each cycle to `observer`.
+  /// Simulates `duration_s` more and shows each cycle of the first node to `observer`.
   void run(double duration_s, const Observer& observer);
+  /// The same with every node: `observer(node, telemetry)`. Nodes that are due at one time go in the session's order.
+  using ObserverOfAll = std::function<void(std::size_t, const rtbus::Telemetry&)>;
+  void run_all(double duration_s, const ObserverOfAll& observer);
+
+  /// From now on that node neither reads nor speaks: killed. Physics lets go of its proxy after Node's silence of 100
+  /// ms.
+  void kill(std::size_t node) { hands_.at(node)->killed = true; }
+
+  /// From now on `observer` sees the answer of each physics step to the first node, when it is made (not when it
+  /// arrives).
+  void observe_steps(StepObserver observer) { step_observer_ = std::move(observer); }
 
   [[nodiscard]] double now_s() const noexcept;  ///< Simulated time since the start.
-  [[nodiscard]] const haptic::HapticConfig& config() const noexcept { return config_; }
-  [[nodiscard]] rtbus::LoopStats stats() const { return loop_->stats(); }
-  [[nodiscard]] const rtbus::DeviceState& device_state() const noexcept { return loop_->device_state(); }
-  /// FNV-1a over every cycle's telemetry so far: the fingerprint of a run.
+  [[nodiscard]] const haptic::HapticConfig& config() const noexcept { return hands_.front()->config; }
+  [[nodiscard]] rtbus::LoopStats stats() const { return hands_.front()->loop->stats(); }
+  [[nodiscard]] const rtbus::DeviceState& device_state(std::size_t node = 0) const {
+    return hands_.at(node)->loop->device_state();
+  }
+  [[nodiscard]] std::size_t hands() const noexcept { return hands_.size(); }
+  /// Null when the session has no physics that a node needs.
+  [[nodiscard]] const physics::Stepper* stepper() const noexcept { return stepper_.get(); }
+  /// FNV-1a over every cycle's telemetry so far, of all nodes: the fingerprint of a run.
   [[nodiscard]] std::uint64_t hash() const noexcept { return hash_; }
 
  private:
@@ -66,23 +84,33 @@ class Harness {
     bool beat_fresh = false;
   };
 
+  /// One haptic node: device, loop, and its end of the link.
+  struct Hand {
+    Hand(haptic::HapticConfig settings, const rtbus::config::SessionConfig& session, std::uint64_t start_ns);
+    haptic::HapticConfig config;
+    std::unique_ptr<drivers::Device> device;
+    Link link;
+    std::unique_ptr<haptic::Loop> loop;
+    std::deque<rtbus::Stamped<rtbus::ProxyState>> under_way;  ///< stamp_ns: when it arrives.
+    std::uint64_t next_tick_ns = 0;
+    std::uint64_t heard_ns = 0;  ///< When it last spoke.
+    std::uint64_t proxies_sent = 0;
+    bool killed = false;
+    bool silent = false;  ///< Physics has noticed.
+  };
+
   void advance_physics(std::uint64_t now_ns);
   void step_physics(std::uint64_t begin_ns);
   [[nodiscard]] bool physics_silent(std::uint64_t now_ns) const noexcept;
 
   HarnessOptions options_;
-  haptic::HapticConfig config_;
   std::optional<physics::PhysicsConfig> physics_;
   std::unique_ptr<physics::Stepper> stepper_;
-  std::unique_ptr<drivers::Device> device_;
-  Link link_;
-  std::unique_ptr<haptic::Loop> loop_;
-  std::deque<rtbus::Stamped<rtbus::ProxyState>> under_way_;  ///< stamp_ns: when it arrives.
+  std::vector<std::unique_ptr<Hand>> hands_;
+  StepObserver step_observer_;
   std::uint64_t now_ns_;
-  std::uint64_t next_tick_ns_;
   std::uint64_t next_step_ns_ = 0;
   std::uint64_t next_beat_ns_ = 0;
-  std::uint64_t proxies_sent_ = 0;
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
 };
 

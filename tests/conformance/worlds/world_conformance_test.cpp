@@ -251,6 +251,118 @@ TEST_P(WorldConformance, LeavesABodyItStartsDeepIn) {
   EXPECT_NEAR(proxy.position_m.y(), 0.2, 1e-3);
 }
 
+TEST_P(WorldConformance, FindsContactsWithTheirGapsAndNormals) {
+  struct Case {
+    Vector3d at, normal;
+    double surface_m;  // from the proxy's centre
+    std::uint32_t body;
+  };
+  const Vector3d ball(0.1, 0.05, 0), block(-0.1, 0.05, 0);
+  const Vector3d corner = block + Vector3d(-0.05, 0.05, 0.05), edge = block + Vector3d(-0.05, 0.05, 0);
+  const Vector3d diagonal = Vector3d(-1, 1, 1).normalized(), across = Vector3d(-1, 1, 0).normalized();
+  // Bullet rounds the edges of boxes by a tenth of the half extent, 5 mm here, but no more than 0.04 of its units, which with
+  // nothing that moves are 1/30 m.
+  const double rounding_m = std::string(GetParam().name) == "bullet" ? 0.04 / 30.0 : 0.0;
+  for (const double far_m : {-0.0005, 0.0, 0.0005, 0.004}) {
+    const double d = kRadiusM + far_m;
+    for (const Case& c : {Case{{0, d, 0.3}, {0, 1, 0}, d, 0}, Case{ball + Vector3d(0.05 + d, 0, 0), {1, 0, 0}, d, 1},
+                          Case{ball + Vector3d(0.6, 0.8, 0) * (0.05 + d), {0.6, 0.8, 0}, d, 1},
+                          Case{block + Vector3d(0.01, 0.05 + d, -0.02), {0, 1, 0}, d, 2},
+                          Case{edge + across * d, across, d + rounding_m * (std::sqrt(2.0) - 1.0), 2},
+                          Case{corner + diagonal * d, diagonal, d + rounding_m * (std::sqrt(3.0) - 1.0), 2}}) {
+      const auto world = make(cluttered_scene());
+      add_proxy(*world, c.at, 0.8);
+      physics::ContactSet set;
+      world->contacts(0, 0.005, set);
+      EXPECT_EQ(set.radius_m, 0.005);
+      EXPECT_EQ(set.proxy_radius_m, kRadiusM);
+      EXPECT_EQ(set.proxy_mass_kg, kMassKg);
+      ASSERT_EQ(set.contacts.size(), 1U) << c.body << ' ' << far_m;
+      ASSERT_EQ(set.bodies.size(), 1U);
+      const physics::Contact& contact = set.contacts[0];
+      EXPECT_NEAR(contact.gap_m, c.surface_m - kRadiusM, 2e-7) << c.body << ' ' << far_m;
+      EXPECT_NEAR((contact.normal - c.normal).norm(), 0.0, 3e-5) << c.body << ' ' << far_m;
+      EXPECT_NEAR((contact.point_m - (c.at - c.normal * c.surface_m)).norm(), 0.0, 1e-6) << c.body << ' ' << far_m;
+      EXPECT_NEAR(contact.friction, 0.8 * 0.5, 1e-7);
+      EXPECT_EQ(contact.surface_velocity_m_s.norm(), 0.0);
+      EXPECT_EQ(contact.inverse_mass_per_kg.norm(), 0.0);
+      EXPECT_EQ(set.bodies[contact.row].body, c.body);
+      EXPECT_EQ(set.bodies[contact.row].kind, physics::BodyKind::kStatic);
+    }
+  }
+}
+
+TEST_P(WorldConformance, ListsContactsByTheirGapUpToTheRadius) {
+  const auto world = make(cluttered_scene());
+  add_proxy(*world, {0.1, 0.05 + 0.05 + kRadiusM + 0.001, 0});  // 1 mm above the ball, 101 mm above the floor
+  physics::ContactSet set;
+  world->contacts(0, 0.0005, set);
+  EXPECT_TRUE(set.contacts.empty());
+  EXPECT_TRUE(set.bodies.empty());
+  world->contacts(0, 0.2, set);
+  ASSERT_EQ(set.contacts.size(), 3U);
+  EXPECT_EQ(set.bodies[set.contacts[0].row].body, 1U);
+  EXPECT_NEAR(set.contacts[1].gap_m, 0.101, 1e-6);
+  EXPECT_LE(set.contacts[1].gap_m, set.contacts[2].gap_m);
+  EXPECT_EQ(set.contacts_overflow, 0U);
+}
+
+TEST_P(WorldConformance, KeepsTheNearestSixteenContactsAndCountsTheRest) {
+  rtbus::config::Scene scene;
+  for (int i = 0; i < 20; ++i) {  // a ring of balls, each a little farther than the one before
+    const double angle = 0.3 * i;
+    scene.bodies.push_back(fixed_body(("bead" + std::to_string(i)).c_str(), rtbus::shapes::Sphere{0.001},
+                                      Vector3d(std::cos(angle), 0, std::sin(angle)) * (0.012 + 1e-4 * i)));
+  }
+  const auto world = make(scene);
+  add_proxy(*world, {0, 0, 0});
+  physics::ContactSet set;
+  world->contacts(0, 0.01, set);
+  ASSERT_EQ(set.contacts.size(), physics::kMaxContacts);
+  EXPECT_EQ(set.contacts_overflow, 4U);
+  for (std::size_t i = 0; i < set.contacts.size(); ++i) {
+    EXPECT_EQ(set.bodies[set.contacts[i].row].body, i);
+    EXPECT_NEAR(set.contacts[i].gap_m, 0.001 + 1e-4 * static_cast<double>(i), 1e-7);
+  }
+}
+
+TEST_P(WorldConformance, LetsGoOfAReleasedProxyUntilItIsReset) {
+  const auto world = make(floor_scene());
+  add_proxy(*world, {0, 0.05, 0});
+  run(*world, pull({0, kRadiusM - 0.01, 0}), 1e-3, 500);
+  const Vector3d held = world->proxy(0).position_m;
+  world->release_proxy(0);
+  world->release_proxy(0);  // twice is once
+  const ProxyReadout free = run(*world, pull({0.3, 0.3, 0.3}, 2000.0), 1e-3, 100);
+  EXPECT_EQ((free.position_m - held).norm(), 0.0);
+  EXPECT_EQ(free.coupling_force_n.norm() + free.contact_force_n.norm() + free.velocity_m_s.norm(), 0.0);
+  EXPECT_EQ(free.contacts, 0U);
+  physics::ContactSet set;
+  world->contacts(0, 1.0, set);
+  EXPECT_TRUE(set.contacts.empty());
+  world->reset_proxy(0, {0, 0.05, 0});
+  EXPECT_NEAR(run(*world, pull({0, kRadiusM - 0.01, 0}), 1e-3, 2000).contact_force_n.y(), 2.0, 0.02);
+}
+
+TEST_P(WorldConformance, GoesOnBitForBitWhetherAskedForContactsOrNot) {
+  ProxyReadout last[2];
+  for (int asked = 0; asked < 2; ++asked) {
+    const auto world = make(cluttered_scene());
+    add_proxy(*world, {0, 0.1, 0});
+    std::mt19937_64 random(13);
+    std::uniform_real_distribution<double> u(-0.15, 0.15);
+    physics::ContactSet set;
+    for (int i = 0; i < 1000; ++i) {
+      world->set_proxy_target(0, pull({u(random), u(random), u(random)}, 800.0, 12.0));
+      world->step(2e-3);
+      if (asked == 1) world->contacts(0, 0.05, set);
+    }
+    last[asked] = world->proxy(0);
+  }
+  EXPECT_EQ(std::memcmp(last[0].position_m.data(), last[1].position_m.data(), 3 * sizeof(double)), 0);
+  EXPECT_EQ(std::memcmp(last[0].contact_force_n.data(), last[1].contact_force_n.data(), 3 * sizeof(double)), 0);
+}
+
 /// Rows whose module this build has; EngineRegistry.BuildsWhatItPromises makes sure that none is missing by mistake.
 std::vector<physics::EngineEntry> present_engines() {
   std::vector<physics::EngineEntry> out;

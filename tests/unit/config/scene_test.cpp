@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 
 #include "tests/support/temporary_file.hpp"
@@ -78,6 +79,39 @@ bodies:
   EXPECT_EQ(std::get<Capsule>(pill.shape).length_m, 0.05);
   EXPECT_EQ(std::get<Cylinder>(scene.bodies[1].shape).radius_m, 0.03);
   EXPECT_EQ(name_of(scene.bodies[1].shape), "cylinder");
+}
+
+TEST(Scene, ReadsBodiesThatMoveByThemselves) {
+  const Scene scene = read(R"(schema: scene/1
+bodies:
+  - {name: lift, type: kinematic, shape: {box: {size_m: [0.1, 0.02, 0.1]}}, position_m: [0, 0.01, 0],
+     motion: {sinusoid: {travel_m: [0, 0.04, 0], frequency_hz: 0.5, start_s: 1}}}
+  - {name: cart, type: kinematic, shape: {sphere: {radius_m: 0.01}}, position_m: [1, 0, 0],
+     motion: {waypoints: {points: [{time_s: 1, position_m: [1.2, 0, 0]}, {time_s: 3, position_m: [1, 0, 0]}], repeat: true}},
+     grid: {count: [1, 1, 2], spacing_m: [0, 0, 5]}}
+  - {name: turntable, type: kinematic, shape: {cylinder: {radius_m: 0.1, length_m: 0.01}},
+     motion: {spin: {axis: [0, 2, 0], rate_rad_s: 3}}}
+)");
+  ASSERT_EQ(scene.bodies.size(), 4U);
+  EXPECT_TRUE(scene.static_shapes().empty()) << "direct must not take them for walls";
+  const auto at = [&scene](std::size_t i, double t) {
+    return pose_at(*scene.bodies[i].motion, scene.bodies[i].p_WB, scene.bodies[i].q_WB, t);
+  };
+  EXPECT_EQ(at(0, 1.0).p_WB, Eigen::Vector3d(0, 0.01, 0));
+  EXPECT_NEAR(at(0, 2.0).p_WB.y(), 0.05, 1e-15);
+  EXPECT_NEAR(at(0, 1.5).p_WB.y(), 0.03, 1e-15);
+  EXPECT_NEAR(at(1, 0.5).p_WB.x(), 1.1, 1e-15);
+  EXPECT_NEAR(at(1, 1.0).p_WB.x(), 1.2, 1e-15);
+  EXPECT_NEAR(at(1, 3.5).p_WB.x(), 1.1, 1e-12);
+  EXPECT_NEAR(at(2, 0.5).p_WB.z(), 5.0, 1e-15) << "a grid moves as a whole";
+  // The ramp of 0.5 s costs half of itself.
+  const Eigen::Vector3d turned = at(3, 0.75).q_WB * Eigen::Vector3d::UnitX();
+  EXPECT_NEAR((turned - Eigen::Vector3d(std::cos(1.5), 0, -std::sin(1.5))).norm(), 0.0, 1e-12);
+  // From rest: no motion starts with a jump of speed.
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double start_s = i == 0 ? 1.0 : 0.0;
+    EXPECT_LT((at(i, start_s + 1e-6).p_WB - at(i, start_s).p_WB).norm(), 1e-11) << i;
+  }
 }
 
 TEST(Scene, UnrollsAGridAndNamesItsBodies) {

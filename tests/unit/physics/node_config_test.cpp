@@ -61,6 +61,18 @@ TEST_F(PhysicsNodeConfig, HasADefaultForEverything) {
   EXPECT_FALSE(config.proxies[0].damping_n_s_per_m.has_value());
 }
 
+TEST_F(PhysicsNodeConfig, KnowsItsPaceAndTheCoresOfTheHapticLoops) {
+  EXPECT_STREQ(read("physics: {}").physics.clock(), "fixed");
+  EXPECT_STREQ(read("physics: {throttle_hz: 18}").physics.clock(), "throttled");
+  const NodeConfig config = read("physics: {pace: free, rate_hz: 500}",
+                                 "coupling: {stiffness_n_per_m: 300}, realtime: {core: 3}, proxy: {lead_steps: 0.5}");
+  EXPECT_STREQ(config.physics.clock(), "free");
+  EXPECT_EQ(config.physics.step_s(), 2e-3) << "the longest step";
+  EXPECT_EQ(config.haptic_cores, std::vector<int>{3});
+  EXPECT_EQ(config.proxies[0].lead_steps, 0.5);
+  EXPECT_EQ(read("physics: {}").haptic_cores, std::vector<int>{-1});
+}
+
 TEST_F(PhysicsNodeConfig, TakesTheProxysStiffnessFromTheCouplingUnlessItHasItsOwn) {
   EXPECT_EQ(read("physics: {}").proxies[0].stiffness_n_per_m, 300.0);
   EXPECT_EQ(read("physics: {}", "coupling: {stiffness_n_per_m: 300}, proxy: {stiffness_n_per_m: 50}")

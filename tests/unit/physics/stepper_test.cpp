@@ -56,6 +56,23 @@ TEST(Stepper, PutsTheProxyOntoTheFirstTarget) {
   EXPECT_EQ(state.coupling_force_n, (rtbus::Vec3{0, 0, 0}));
 }
 
+// A device in steady motion: the proxy is where the device will be, with no force between them, whatever the parts.
+TEST(Stepper, LeadsTheDeviceBySoManySteps) {
+  for (const int parts : {1, 10}) {
+    ProxyConfig config = proxy_config();
+    config.lead_steps = 1.5;
+    Stepper stepper = floor_stepper(parts, config);
+    for (int i = 0; i < 200; ++i) {
+      rtbus::DeviceState device = device_at(0.03 * i * 0.01, 0.1);
+      device.target_velocity_m_s = {0.03, 0, 0};
+      stepper.set_device(0, device, 1 + i);
+      stepper.step(0.01);
+    }
+    EXPECT_NEAR(stepper.answer(0).position_m[0], 0.03 * (199 + 1.5) * 0.01, 1e-9) << parts;
+    EXPECT_NEAR(stepper.answer(0).coupling_force_n[0], 0.0, 1e-6) << parts;
+  }
+}
+
 TEST(Stepper, AnswersWithWhatItWasTold) {
   Stepper stepper = floor_stepper();
   rtbus::DeviceState device = device_at(0, 0.1);
@@ -161,24 +178,58 @@ TEST(Stepper, IgnoresAndCountsStatesThatAreNotFiniteOrHaveNoScale) {
   EXPECT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0, 0.1, 0}));
 }
 
-TEST(Stepper, StopsThePullOfASilentDevicesVelocity) {
+TEST(Stepper, LetsGoOfTheProxyOfASilentDevice) {
   Stepper stepper = floor_stepper();
   rtbus::DeviceState device = device_at(0, 0.1);
   stepper.set_device(0, device, 1);
   device.target_velocity_m_s = {0.5, 0, 0};
   stepper.set_device(0, device, 2);
   for (int i = 0; i < 5000; ++i) stepper.step(1e-3);
-  EXPECT_GT(stepper.answer(0).position_m[0], 0.01);  // the damper holds it ahead of the target
-  stepper.hold_target(0);
-  for (int i = 0; i < 5000; ++i) stepper.step(1e-3);
-  EXPECT_NEAR(stepper.answer(0).position_m[0], 0.0, 1e-9);
+  const rtbus::Vec3 held = stepper.answer(0).position_m;
+  EXPECT_GT(held[0], 0.01);  // the damper holds it ahead of the target
+  stepper.release(0);
+  for (int i = 0; i < 100; ++i) stepper.step(1e-3);
+  EXPECT_EQ(stepper.answer(0).position_m, held);
+  EXPECT_EQ(stepper.answer(0).velocity_m_s, (rtbus::Vec3{0, 0, 0}));
+  EXPECT_EQ(stepper.answer(0).coupling_force_n, (rtbus::Vec3{0, 0, 0}));
+}
+
+TEST(Stepper, ReportsContactsWithTheSampleTheyAnswer) {
+  Stepper stepper = floor_stepper();
+  rtbus::DeviceState device = device_at(0, 0.0005);
+  device.wants = rtbus::kWantsContacts;
+  EXPECT_FALSE(stepper.wants_contacts(0));
+  stepper.set_device(0, device, 42);
+  EXPECT_TRUE(stepper.wants_contacts(0));
+  stepper.step(1e-3);
+  rtbus::ProxyContacts contacts;
+  stepper.contacts(0, 0.0, contacts);
+  EXPECT_EQ(contacts.device_sequence, 42U);
+  EXPECT_EQ(contacts.device_time_ns, 777U);
+  EXPECT_EQ(contacts.step_index, 1U);
+  EXPECT_EQ(contacts.radius_m, 1e-3);  // at rest: two steps at 0.2 m/s are less than a millimetre
+  ASSERT_EQ(contacts.contacts, 1U);
+  EXPECT_NEAR(contacts.contact_gap_m[0], 0.0005, 1e-12);
+  EXPECT_EQ(contacts.contact_normal[0], (rtbus::Vec3{0, 1, 0}));
+  EXPECT_EQ(contacts.bodies, 1U);
+  EXPECT_EQ(contacts.contact_inverse_mass_per_kg[0], rtbus::Symmetric3{});
+  // The radius grows with the step and with the speed; one that is given stands.
+  stepper.step(0.05);
+  EXPECT_NEAR(stepper.contact_radius_m(0), 2 * 0.05 * 0.2, 1e-12);
+  device.target_velocity_m_s = {0.6, 0, 0};
+  stepper.set_device(0, device, 43);
+  EXPECT_NEAR(stepper.contact_radius_m(0), 2 * 0.05 * 0.6, 1e-12);
+  stepper.contacts(0, 1e-4, contacts);
+  EXPECT_EQ(contacts.contacts, 0U);
+  stepper.release(0);
+  EXPECT_FALSE(stepper.wants_contacts(0));
 }
 
 TEST(Stepper, StartsAnewWithADeviceThatWasSilent) {
   Stepper stepper = floor_stepper();
   stepper.set_device(0, device_at(0, 0.1), 1);
   stepper.step(1e-3);
-  stepper.hold_target(0);
+  stepper.release(0);
   stepper.step(1e-3);
   EXPECT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0, 0.1, 0}));
   stepper.set_device(0, device_at(0.3, 0.2), 2);

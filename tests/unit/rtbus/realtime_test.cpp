@@ -24,6 +24,24 @@ int in_child(int (*check)()) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
+TEST(Realtime, StaysOffTheCoresOfALoopUnlessNoneIsLeft) {
+  const int outcome = in_child([] {
+    cpu_set_t before;
+    ::sched_getaffinity(0, sizeof before, &before);
+    int last = -1;
+    for (int core = 0; core < CPU_SETSIZE; ++core) {
+      if (CPU_ISSET(core, &before)) last = core;
+    }
+    cpu_set_t after;
+    const bool several = CPU_COUNT(&before) > 1;
+    if (stay_off_cores({-1, last}) != several) return 1;
+    ::sched_getaffinity(0, sizeof after, &after);
+    if (CPU_COUNT(&after) != CPU_COUNT(&before) - (several ? 1 : 0)) return 2;
+    return several && CPU_ISSET(last, &after) ? 3 : 0;
+  });
+  EXPECT_EQ(outcome, 0);
+}
+
 TEST(Realtime, GrantSaysWhatTheKernelSays) {
   const int outcome = in_child([] {
     const RealtimeGrant grant = enter_realtime({.priority = 42, .lock_memory = false});

@@ -34,19 +34,37 @@ tools::DoctorFacts perfect() {
   return facts;
 }
 
-tools::Check check_of(const tools::DoctorFacts& facts, const std::string& id) {
-  const std::vector<tools::Check> checks = tools::judge(facts);
+tools::DoctorCheck check_of(const tools::DoctorFacts& facts, const std::string& id) {
+  const std::vector<tools::DoctorCheck> checks = tools::judge(facts);
   const auto found = std::find_if(checks.begin(), checks.end(), [&](const auto& check) { return check.id == id; });
   EXPECT_NE(found, checks.end()) << id;
-  return found != checks.end() ? *found : tools::Check{};
+  return found != checks.end() ? *found : tools::DoctorCheck{};
 }
 
 TEST(Doctor, FindsNothingOnAPerfectMachine) {
-  for (const tools::Check& check : tools::judge(perfect())) {
+  for (const tools::DoctorCheck& check : tools::judge(perfect())) {
     EXPECT_EQ(check.health, Health::kOk) << check.id << ": " << check.measured;
     EXPECT_TRUE(check.remedy.empty()) << check.id;
     EXPECT_FALSE(check.measured.empty()) << check.id;
   }
+}
+
+TEST(Doctor, WarnsOfTopicsThatVanishAtLogOut) {
+  auto facts = perfect();
+  facts.logind.running = true;
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kWarn);
+  EXPECT_THAT(check_of(facts, "remove_ipc").measured, HasSubstr("RemoveIPC=yes, the default"));
+  EXPECT_THAT(check_of(facts, "remove_ipc").remedy, HasSubstr("enable-linger"));
+  EXPECT_TRUE(tools::healthy(tools::judge(facts))) << "a warning, not a failure";
+  facts.logind.system_user = true;
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kOk);
+  facts.logind.system_user = false;
+  facts.logind.lingers = true;
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kOk);
+  facts.logind.lingers = false;
+  facts.logind.remove_ipc = false;
+  facts.logind.set_in = "/etc/systemd/logind.conf";
+  EXPECT_EQ(check_of(facts, "remove_ipc").health, Health::kOk);
 }
 
 TEST(Doctor, FailsWithoutSchedFifoAndSaysHowToGetIt) {

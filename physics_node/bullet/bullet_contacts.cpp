@@ -1,0 +1,163 @@
+/// What BulletWorld says about the surroundings of a proxy. Reads positions, velocities and the impulses that the solver left
+/// in the manifolds; runs no collision query of Bullet's and changes nothing.
+#include <cmath>
+
+#include "physics_node/bullet/bullet_world.hpp"
+#include "physics_node/bullet/nearest.hpp"
+
+namespace physics::bullet {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+/// Velocity of a body's material at `point_m` of W.
+Vector3d velocity_at(const btRigidBody& body, const Vector3d& point_m, double scale) {
+  const Vector3d r_m = point_m - from_bullet(body.getWorldTransform().getOrigin(), scale);
+  return from_bullet(body.getLinearVelocity(), scale) + from_bullet(body.getAngularVelocity()).cross(r_m);
+}
+
+double pair_friction(const btRigidBody& a, const btRigidBody& b) {
+  return static_cast<double>(a.getFriction() * b.getFriction());
+}
+
+/// Of one contact point: what the second body of the manifold did to the first, mean over the step.
+struct PointForce {
+  Vector3d point_m, normal;
+  double normal_n;
+  Vector3d friction_n;
+};
+PointForce force_at(const btManifoldPoint& point, double h, double scale) {
+  PointForce out;
+  out.point_m = 0.5 * (from_bullet(point.getPositionWorldOnA(), scale) + from_bullet(point.getPositionWorldOnB(), scale));
+  out.normal = from_bullet(point.m_normalWorldOnB);
+  // Bullet's impulses are mass · units/s.
+  out.normal_n = static_cast<double>(point.m_appliedImpulse) / (h * scale);
+  out.friction_n = from_bullet(point.m_lateralFrictionDir1) * (static_cast<double>(point.m_appliedImpulseLateral1) / (h * scale));
+  return out;
+}
+
+}  // namespace
+
+void BulletWorld::find_contacts(const BulletProxy& proxy, double radius_m, FoundContacts& out) const {
+  const Vector3d centre = from_bullet(proxy.body().getWorldTransform().getOrigin());
+  const double max_gap = radius_m * scale_;
+  std::vector<NearPoint> near;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const btRigidBody& rigid = *bodies_[i].rigid;
+    const double far = bodies_[i].reach + proxy.radius() + max_gap;
+    if ((from_bullet(rigid.getWorldTransform().getOrigin()) - centre).squaredNorm() > far * far) continue;
+    near.clear();
+    nearest_points(*bodies_[i].made->shape, rigid.getWorldTransform(), centre, proxy.radius(), max_gap, near);
+    for (const NearPoint& each : near) {
+      Contact contact;
+      contact.point_m = each.point / scale_;
+      contact.normal = each.normal;
+      contact.gap_m = each.gap / scale_;
+      contact.surface_velocity_m_s = velocity_at(rigid, contact.point_m, scale_);
+      contact.friction = pair_friction(rigid, proxy.body());
+      contact.row = static_cast<std::uint32_t>(i);
+      out.push_back(contact);
+    }
+  }
+}
+
+void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) const {
+  for (BodyBehind& behind : out.bodies) {
+    const btRigidBody& rigid = *bodies_[behind.body].rigid;
+    behind.centre_m = from_bullet(rigid.getWorldTransform().getOrigin(), scale_);
+    behind.velocity_m_s = from_bullet(rigid.getLinearVelocity(), scale_);
+    behind.angular_velocity_rad_s = from_bullet(rigid.getAngularVelocity());
+    behind.kind = rigid.isKinematicObject() ? BodyKind::kKinematic
+                  : rigid.isStaticObject()  ? BodyKind::kStatic
+                                            : BodyKind::kDynamic;
+    if (behind.kind != BodyKind::kDynamic) continue;
+    behind.inverse_mass_per_kg = static_cast<double>(rigid.getInvMass());
+    const btMatrix3x3& inverse = rigid.getInvInertiaTensorWorld();  // inertia grows with the square of the scale
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        behind.inverse_inertia_per_kg_m2(row, column) = static_cast<double>(inverse[row][column]) * scale_ * scale_;
+      }
+    }
+    // getGravity() is an acceleration.
+    if (rigid.isActive()) behind.external_force_n = from_bullet(rigid.getGravity(), scale_) / behind.inverse_mass_per_kg;
+  }
+  for (Contact& contact : out.contacts) {
+    const BodyBehind& behind = out.bodies[contact.row];
+    contact.inverse_mass_per_kg = inverse_mass_at(behind.inverse_mass_per_kg, behind.inverse_inertia_per_kg_m2,
+                                                  contact.point_m - behind.centre_m);
+  }
+
+  btDispatcher& dispatcher = const_cast<btCollisionDispatcher&>(dispatcher_);  // lists its manifolds; Bullet forgot the const
+  btPersistentManifold* const* const manifolds = dispatcher.getInternalManifoldPointer();
+  for (int i = 0; i < dispatcher.getNumManifolds(); ++i) {
+    const btPersistentManifold& manifold = *manifolds[i];
+    for (std::uint32_t row = 0; row < out.bodies.size(); ++row) {
+      if (out.bodies[row].kind != BodyKind::kDynamic) continue;
+      const btRigidBody* const held = bodies_[out.bodies[row].body].rigid.get();
+      if (manifold.getBody0() == held) add_held_by(proxy, manifold, true, row, out);
+      if (manifold.getBody1() == held) add_held_by(proxy, manifold, false, row, out);
+    }
+  }
+  for (BodyBehind& behind : out.bodies) {
+    const btRigidBody& rigid = *bodies_[behind.body].rigid;
+    if (behind.kind != BodyKind::kDynamic || rigid.isActive() || behind.friction_bound_n > 0.0) continue;
+    const auto own = static_cast<double>(rigid.getFriction());
+    behind.friction_bound_n = own * own * gravity_m_s2_ / behind.inverse_mass_per_kg;
+  }
+}
+
+void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first, std::uint32_t row,
+                              ContactSet& out) const {
+  BodyBehind& behind = out.bodies[row];
+  const auto& held = *static_cast<const btRigidBody*>(first ? manifold.getBody0() : manifold.getBody1());
+  const auto& other = *static_cast<const btRigidBody*>(first ? manifold.getBody1() : manifold.getBody0());
+  const double sign = first ? 1.0 : -1.0;
+  const bool awake = held.isActive();
+  Support support;
+  support.row = row;
+  support.normal.setZero();
+  for (int i = 0; i < manifold.getNumContacts(); ++i) {
+    const PointForce force = force_at(manifold.getContactPoint(i), step_s_, scale_);
+    if (&other == &proxy.body()) {
+      behind.proxy_force_n += sign * (force.normal_n * force.normal + force.friction_n);
+      continue;
+    }
+    if (force.normal_n <= 0.0) continue;
+    const Vector3d r_m = force.point_m - behind.centre_m;
+    const Vector3d push_n = sign * force.normal_n * force.normal;
+    if (awake) {
+      behind.external_force_n += push_n;
+      behind.external_torque_n_m += r_m.cross(push_n);
+      behind.friction_force_n += sign * force.friction_n;
+      behind.friction_torque_n_m += r_m.cross(Vector3d(sign * force.friction_n));
+    }
+    support.point_m += force.normal_n * force.point_m;
+    support.normal += push_n;
+    support.normal_force_n += force.normal_n;
+  }
+  if (support.normal_force_n <= 0.0 || support.normal.norm() <= 0.0) return;
+  support.point_m /= support.normal_force_n;
+  support.normal.normalize();
+  support.friction = pair_friction(held, other);
+  support.surface_velocity_m_s = velocity_at(other, support.point_m, scale_);
+  behind.friction_bound_n += support.friction * support.normal_force_n;
+  if (out.supports.size() < kMaxSupports) {
+    out.supports.push_back(support);
+  } else {
+    ++out.supports_overflow;
+  }
+}
+
+void BulletWorld::contacts(std::size_t index, double radius_m, ContactSet& out) const {
+  const BulletProxy& proxy = *proxies_.at(index);
+  out.radius_m = radius_m;
+  out.proxy_radius_m = proxy.radius() / scale_;
+  out.proxy_mass_kg = proxy.mass_kg();
+  FoundContacts found;
+  if (!proxy.released()) find_contacts(proxy, radius_m, found);
+  keep_nearest(found, out);
+  describe_bodies(proxy, out);
+}
+
+}  // namespace physics::bullet

@@ -1,0 +1,12 @@
+#pragma once
+/// @file contact_message.hpp
+/// From an engine's contact set to the message of the bus.
+#include "physics_node/contact_set.hpp"
+#include "rtbus/contact_messages.hpp"
+
+namespace physics {
+
+/// Overwrites `out`. `proxy` is the answer of the same step; rows that `set` does not use are zero.
+void fill_message(const ContactSet& set, const rtbus::ProxyState& proxy, rtbus::ProxyContacts& out);
+
+}  // namespace physics

@@ -1,0 +1,115 @@
+#pragma once
+/// @file contact_messages.hpp
+/// What physics says about the surroundings of a proxy, to a force law that integrates the proxy and the bodies it meets by
+/// itself. Conventions as in messages.hpp; what each quantity means exactly: physics_node/contact_set.hpp.
+#include "rtbus/messages.hpp"
+
+namespace rtbus {
+
+/// A symmetric 3×3 matrix: xx, xy, xz, yy, yz, zz.
+using Symmetric3 = std::array<double, 6>;
+
+inline constexpr std::size_t kContactSlots = 16;
+inline constexpr std::size_t kSupportSlots = 32;
+
+/// `physics.contacts.<haptic>`, with every ProxyState while a force law asks for it (DeviceState::wants) or the session
+/// says `physics.contacts: on`. Rows beyond the counts are zero.
+struct ProxyContacts {
+  std::uint64_t device_sequence = 0;  ///< The DeviceState this answers, as in the ProxyState of the same step.
+  std::uint64_t device_time_ns = 0;   ///< Its sample_time_ns.
+  std::uint64_t step_index = 0;       ///< Pairs it with its ProxyState.
+  double step_s = 0.0;                ///< Simulated time between this and the one before.
+  double radius_m = 0.0;              ///< Valid while the proxy is not farther than this from proxy_position_m.
+  Vec3 proxy_position_m{};            ///< p_WP at the end of the step.
+  Vec3 proxy_velocity_m_s{};          ///< v_WP.
+  double proxy_mass_kg = 0.0;
+  double proxy_radius_m = 0.0;
+  std::uint32_t mapping_epoch = 0;      ///< Of the DeviceState it answers.
+  std::uint32_t contacts = 0;           ///< Rows used of the contact_… arrays, nearest first.
+  std::uint32_t bodies = 0;             ///< … of the body_… arrays.
+  std::uint32_t supports = 0;           ///< … of the support_… arrays.
+  std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that found no row, in this step.
+  std::uint32_t supports_overflow = 0;
+
+  std::array<std::uint32_t, kContactSlots> contact_body{};  ///< Row of the body behind.
+  std::array<Vec3, kContactSlots> contact_point_m{};        ///< On the body.
+  std::array<Vec3, kContactSlots> contact_normal{};         ///< Unit, towards the proxy.
+  std::array<double, kContactSlots> contact_gap_m{};        ///< Negative: penetrates.
+  std::array<Vec3, kContactSlots> contact_velocity_m_s{};   ///< Of the body's surface.
+  std::array<double, kContactSlots> contact_friction{};     ///< Of the pair.
+  std::array<double, kContactSlots> contact_compliance_m_per_n{};  ///< 0: rigid.
+  std::array<Symmetric3, kContactSlots> contact_inverse_mass_per_kg{};  ///< Zero: no force moves it.
+
+  std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order.
+  std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic.
+  std::array<Vec3, kContactSlots> body_centre_m{};
+  std::array<Vec3, kContactSlots> body_velocity_m_s{};
+  std::array<Vec3, kContactSlots> body_angular_velocity_rad_s{};
+  std::array<double, kContactSlots> body_inverse_mass_per_kg{};
+  std::array<Symmetric3, kContactSlots> body_inverse_inertia_per_kg_m2{};
+  std::array<Vec3, kContactSlots> body_external_force_n{};  ///< Gravity and normal forces of its other contacts.
+  std::array<Vec3, kContactSlots> body_external_torque_n_m{};
+  std::array<Vec3, kContactSlots> body_friction_force_n{};  ///< Friction of its other contacts.
+  std::array<Vec3, kContactSlots> body_friction_torque_n_m{};
+  std::array<double, kContactSlots> body_friction_bound_n{};  ///< The most that this friction can become.
+  std::array<Vec3, kContactSlots> body_proxy_force_n{};       ///< By this proxy, on the body.
+
+  std::array<std::uint32_t, kSupportSlots> support_body{};  ///< Row of the body that is held.
+  std::array<Vec3, kSupportSlots> support_point_m{};
+  std::array<Vec3, kSupportSlots> support_normal{};  ///< Unit, towards the body that is held.
+  std::array<double, kSupportSlots> support_force_n{};
+  std::array<double, kSupportSlots> support_friction{};
+  std::array<Vec3, kSupportSlots> support_velocity_m_s{};
+};
+
+template <>
+struct SampleTraits<ProxyContacts> {
+  static constexpr std::string_view kName = "rtbus/ProxyContacts";
+  using T = ProxyContacts;
+  static constexpr std::array kFields{RTBUS_FIELD(T, device_sequence, "1"),
+                                      RTBUS_FIELD(T, device_time_ns, "ns"),
+                                      RTBUS_FIELD(T, step_index, "1"),
+                                      RTBUS_FIELD(T, step_s, "s"),
+                                      RTBUS_FIELD(T, radius_m, "m"),
+                                      RTBUS_FIELD(T, proxy_position_m, "m"),
+                                      RTBUS_FIELD(T, proxy_velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, proxy_mass_kg, "kg"),
+                                      RTBUS_FIELD(T, proxy_radius_m, "m"),
+                                      RTBUS_FIELD(T, mapping_epoch, "1"),
+                                      RTBUS_FIELD(T, contacts, "1"),
+                                      RTBUS_FIELD(T, bodies, "1"),
+                                      RTBUS_FIELD(T, supports, "1"),
+                                      RTBUS_FIELD(T, contacts_overflow, "1"),
+                                      RTBUS_FIELD(T, supports_overflow, "1"),
+                                      RTBUS_FIELD(T, contact_body, "1"),
+                                      RTBUS_FIELD(T, contact_point_m, "m"),
+                                      RTBUS_FIELD(T, contact_normal, "1"),
+                                      RTBUS_FIELD(T, contact_gap_m, "m"),
+                                      RTBUS_FIELD(T, contact_velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, contact_friction, "1"),
+                                      RTBUS_FIELD(T, contact_compliance_m_per_n, "m/N"),
+                                      RTBUS_FIELD(T, contact_inverse_mass_per_kg, "1/kg"),
+                                      RTBUS_FIELD(T, body_index, "1"),
+                                      RTBUS_FIELD(T, body_kind, "1"),
+                                      RTBUS_FIELD(T, body_centre_m, "m"),
+                                      RTBUS_FIELD(T, body_velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, body_angular_velocity_rad_s, "rad/s"),
+                                      RTBUS_FIELD(T, body_inverse_mass_per_kg, "1/kg"),
+                                      RTBUS_FIELD(T, body_inverse_inertia_per_kg_m2, "1/(kg m2)"),
+                                      RTBUS_FIELD(T, body_external_force_n, "N"),
+                                      RTBUS_FIELD(T, body_external_torque_n_m, "N m"),
+                                      RTBUS_FIELD(T, body_friction_force_n, "N"),
+                                      RTBUS_FIELD(T, body_friction_torque_n_m, "N m"),
+                                      RTBUS_FIELD(T, body_friction_bound_n, "N"),
+                                      RTBUS_FIELD(T, body_proxy_force_n, "N"),
+                                      RTBUS_FIELD(T, support_body, "1"),
+                                      RTBUS_FIELD(T, support_point_m, "m"),
+                                      RTBUS_FIELD(T, support_normal, "1"),
+                                      RTBUS_FIELD(T, support_force_n, "N"),
+                                      RTBUS_FIELD(T, support_friction, "1"),
+                                      RTBUS_FIELD(T, support_velocity_m_s, "m/s")};
+};
+
+static_assert(sizeof(ProxyContacts) == 9664 && Sample<ProxyContacts>);
+
+}  // namespace rtbus

@@ -1,0 +1,218 @@
+#include "tools/experiments/live_pair.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/messages.hpp"
+#include "rtbus/topic.hpp"
+#include "rtbus/topic_directory.hpp"
+#include "tools/ask_kernel.hpp"
+#include "tools/interrupt.hpp"
+#include "tools/run_plan.hpp"
+#include "tools/supervisor.hpp"
+
+namespace tools {
+
+namespace {
+
+constexpr std::uint64_t kPoll_ns = 20 * rtbus::kNsPerMs;
+constexpr double kStartPatience_s = 15.0;
+constexpr double kSettle_s = 1.2;  // bodies that rest fall asleep after 0.5 s
+
+/// One run, from start to end.
+class LiveRun {
+ public:
+  LiveRun(const LiveVariant& variant, RunPlan plan) : variant_(variant), plan_(std::move(plan)) {
+    if (!variant.physics) {
+      std::erase_if(plan_.nodes, [](const ChildSpec& child) { return child.stage == Stage::kPhysics; });
+    }
+  }
+
+  std::optional<LiveFigures> operator()(double duration_s) {
+    std::optional<LiveFigures> figures;
+    if (start() && settle(kSettle_s)) {
+      const auto before = cpu_s();
+      const auto published = counts();
+      const std::uint64_t began_ns = rtbus::monotonic_ns();
+      if (proxies_) (void)proxies_->read_latest(proxy_);  // from here on
+      steps_us_.clear();
+      if (settle(duration_s))
+        figures = measure(before, published, rtbus::seconds_between(began_ns, rtbus::monotonic_ns()));
+    }
+    supervisor_.end_all();
+    rtbus::remove_dead(plan_.session.name);
+    return figures;
+  }
+
+ private:
+  bool start() {
+    for (const ChildSpec& child : plan_.plants) {
+      if (!supervisor_.start(child)) return false;
+    }
+    for (const haptic::HapticConfig& haptic : plan_.haptic) {
+      if (!haptic.device->own_process()) continue;
+      if (!wait([&] { return alive<rtbus::PlantState>(haptic.name + ".plant_state"); })) return false;
+    }
+    for (const ChildSpec& child : plan_.nodes) {
+      if (!supervisor_.start(child)) return false;
+    }
+    return wait([&] {
+      bool all = !plays_physics() || runs("physics");
+      for (const haptic::HapticConfig& haptic : plan_.haptic) all = all && runs(haptic.name);
+      return all && observe();
+    });
+  }
+
+  [[nodiscard]] bool plays_physics() const { return plan_.physics && variant_.physics; }
+
+  template <class T>
+  bool alive(const std::string& topic) {
+    auto reader = rtbus::Reader<T>::open(plan_.session, topic);
+    return reader && reader->writer_alive();
+  }
+
+  bool runs(const std::string& node) {
+    auto reader = rtbus::Reader<rtbus::Heartbeat>::open(plan_.session, node + ".heartbeat");
+    rtbus::Stamped<rtbus::Heartbeat> beat;
+    return reader && reader->writer_alive() && reader->read_latest(beat) == rtbus::ReadStatus::kFresh &&
+           beat.value.state == static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
+  }
+
+  bool observe() {
+    if (plays_physics() && !proxies_) {
+      auto opened =
+          rtbus::Reader<rtbus::ProxyState>::open(plan_.session, "physics.proxy_state." + plan_.haptic.front().name);
+      if (!opened) return false;
+      proxies_.emplace(std::move(*opened));
+    }
+    if (variant_.observe_telemetry && !telemetry_) {
+      auto opened = rtbus::Reader<rtbus::Telemetry>::open(plan_.session, plan_.haptic.front().name + ".telemetry",
+                                                          {.presence = true});
+      if (!opened) return false;
+      telemetry_.emplace(std::move(*opened));
+    }
+    if (variant_.observe_poses && !poses_) {
+      auto opened = rtbus::Reader<rtbus::BodyPoses>::open(plan_.session, "physics.body_poses", {.presence = true});
+      if (!opened) return false;
+      poses_.emplace(std::move(*opened));
+    }
+    return true;
+  }
+
+  /// Follows the children and the times of the steps. What an observer asked for is not read: that is its own cost.
+  bool poll() {
+    if (const auto end = supervisor_.poll()) {
+      std::fprintf(stderr, "%s %s\n", end->name.c_str(), end->how().c_str());
+      for (const std::string& line : end->last_words) std::fprintf(stderr, "  %s\n", line.c_str());
+      return false;
+    }
+    while (proxies_ && proxies_->read_next(proxy_) == rtbus::ReadStatus::kFresh) {
+      steps_us_.push_back(1e6 * proxy_.value.step_compute_s);
+    }
+    return sleep_unless_interrupted(kPoll_ns);
+  }
+
+  template <class Condition>
+  bool wait(const Condition& condition) {
+    const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(kStartPatience_s * 1e9);
+    while (!condition()) {
+      if (rtbus::monotonic_ns() > end_ns) {
+        std::fprintf(stderr, "%s did not start within %.0f s\n", variant_.session_file.c_str(), kStartPatience_s);
+        return false;
+      }
+      if (!poll()) return false;
+    }
+    return true;
+  }
+
+  bool settle(double seconds) {
+    const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(seconds * 1e9);
+    while (rtbus::monotonic_ns() < end_ns) {
+      if (!poll()) return false;
+    }
+    return true;
+  }
+
+  double cpu_s() {
+    double sum_s = 0.0;
+    for (const ChildView& child : supervisor_.running()) {
+      if (const auto usage = ask_process(child.pid)) sum_s += usage->cpu_s;
+    }
+    return sum_s;
+  }
+
+  std::map<std::string, std::uint64_t> counts() {
+    std::map<std::string, std::uint64_t> out;
+    for (const rtbus::TopicInfo& topic : rtbus::list_topics(plan_.session.name)) out[topic.topic] = topic.published;
+    return out;
+  }
+
+  LiveFigures measure(double cpu_before_s, std::map<std::string, std::uint64_t> published, double span_s) {
+    LiveFigures out;
+    std::set<std::string> libraries;
+    for (const ChildView& child : supervisor_.running()) {
+      for (std::string& library : mapped_libraries(child.pid)) libraries.insert(std::move(library));
+      if (const auto usage = ask_process(child.pid)) {
+        ++out.processes;
+        out.threads += usage->threads;
+        out.rss_mib += static_cast<double>(usage->rss_bytes) / (1024.0 * 1024.0);
+      }
+    }
+    out.libraries.assign(libraries.begin(), libraries.end());
+    out.cpu_s_per_s = (cpu_s() - cpu_before_s) / span_s;
+    const std::string& haptic = plan_.haptic.front().name;
+    for (const rtbus::TopicInfo& topic : rtbus::list_topics(plan_.session.name)) {
+      ++out.topics;
+      out.shm_bytes += topic.segment_bytes;
+      const double rate_hz = static_cast<double>(topic.published - published[topic.topic]) / span_s;
+      if (topic.topic == haptic + ".telemetry") out.telemetry_hz = rate_hz;
+      if (topic.topic == "physics.body_poses") out.body_poses_hz = rate_hz;
+    }
+    auto loop = rtbus::Reader<rtbus::LoopStats>::open(plan_.session, haptic + ".loop_stats");
+    rtbus::Stamped<rtbus::LoopStats> ticks;
+    if (loop && loop->read_latest(ticks) == rtbus::ReadStatus::kFresh) out.tick_ns = 1e3 * ticks.value.compute_p50_us;
+    if (!steps_us_.empty()) {
+      const auto middle = steps_us_.begin() + static_cast<std::ptrdiff_t>(steps_us_.size() / 2);
+      std::nth_element(steps_us_.begin(), middle, steps_us_.end());
+      out.step_us = *middle;
+    }
+    return out;
+  }
+
+  const LiveVariant& variant_;
+  RunPlan plan_;
+  std::optional<rtbus::Reader<rtbus::ProxyState>> proxies_;
+  rtbus::Stamped<rtbus::ProxyState> proxy_;
+  std::vector<double> steps_us_;  ///< Engine time of each step in the window.
+  std::optional<rtbus::Reader<rtbus::Telemetry>> telemetry_;
+  std::optional<rtbus::Reader<rtbus::BodyPoses>> poses_;
+  Supervisor supervisor_{[](const std::string&, std::string_view) {}};
+};
+
+}  // namespace
+
+std::size_t LiveFigures::libraries_named(const std::string& part) const {
+  const auto lower = [](std::string text) {
+    for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return text;
+  };
+  return static_cast<std::size_t>(std::count_if(libraries.begin(), libraries.end(), [&](const std::string& library) {
+    return lower(library.substr(library.rfind('/') + 1)).find(lower(part)) != std::string::npos;
+  }));
+}
+
+std::optional<LiveFigures> run_live(const LiveVariant& variant, double duration_s) {
+  static int runs = 0;
+  std::vector<std::string> assignments = variant.assignments;
+  assignments.push_back("session=live-" + std::to_string(getpid()) + "-" + std::to_string(++runs));
+  return LiveRun(variant, make_run_plan(variant.session_file, assignments))(duration_s);
+}
+
+}  // namespace tools

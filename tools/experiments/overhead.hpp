@@ -1,0 +1,20 @@
+#pragma once
+/// @file overhead.hpp
+/// `rtbus evaluate overhead`: what each optional part costs, measured by leaving it out and forcing it on in turn.
+#include <string>
+
+#include "tools/experiment.hpp"
+
+namespace tools {
+
+struct OverheadOptions {
+  std::string wall_file;   ///< Session with the analytic engine.
+  std::string stack_file;  ///< Session with bodies that move.
+  int rounds = 5;          ///< Pairs per part; every second one in reverse order.
+  double seconds = 3.0;    ///< Of each run.
+};
+
+/// Runs pairs of real processes, and the harness for the bits; tables, checks and a figure go into `experiment`.
+void evaluate_overhead(const OverheadOptions& options, Experiment& experiment);
+
+}  // namespace tools

@@ -1,0 +1,150 @@
+#include "tools/still_frame.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+
+#include "haptic_node/mapping.hpp"
+
+namespace tools {
+
+namespace {
+
+Eigen::Vector3d vector_of(const rtbus::Vec3& v) { return {v[0], v[1], v[2]}; }
+
+std::string seconds_text(double seconds) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f s", seconds);
+  return text;
+}
+
+}  // namespace
+
+StillFrame frame_of(const rtbus::config::Scene& scene) {
+  StillFrame frame;
+  frame.stem = "still";
+  frame.moment = "as placed";
+  for (const rtbus::config::Body& body : scene.bodies) frame.poses.push_back({body.p_WB, body.q_WB});
+  return frame;
+}
+
+StillHandConfig hand_config(const haptic::HapticConfig& haptic, const physics::NodeConfig* physics) {
+  StillHandConfig out{haptic.name, 0.0, haptic.mapping.q_WD};
+  if (physics == nullptr) return out;
+  for (const physics::ProxyConfig& proxy : physics->proxies) {
+    if (proxy.device == haptic.name) out.radius_m = proxy.radius_m;
+  }
+  return out;
+}
+
+StillFrame frame_of(const rtbus::config::Scene& scene, const Harness& harness, const rtbus::Telemetry& tick) {
+  StillFrame frame = frame_of(scene);
+  frame.moment = "simulated time " + seconds_text(harness.now_s());
+  const haptic::HapticConfig& config = harness.config();
+  StillHand hand;
+  hand.name = config.name;
+  hand.target_m = vector_of(harness.device_state().target_position_m);
+  hand.force_n = config.mapping.q_WD * vector_of(tick.force_n);
+  if (const physics::Stepper* stepper = harness.stepper()) {
+    hand.radius_m = stepper->proxy(0).radius_m;
+    hand.proxy_m = vector_of(stepper->answer(0).position_m);
+    for (std::size_t i = 0; i < frame.poses.size(); ++i) frame.poses[i] = stepper->world().body_pose(i);
+  } else {
+    hand.proxy_m = haptic::Mapping(config.mapping).position_to_world(vector_of(tick.proxy_position_m));
+  }
+  frame.hands.push_back(hand);
+  return frame;
+}
+
+rtbus::Result<BodyPoseReader, rtbus::TopicError> BodyPoseReader::open(const rtbus::Session& session) {
+  auto reader = rtbus::Reader<rtbus::BodyPoses>::open(session, "physics.body_poses", {.presence = true});
+  if (!reader) return rtbus::Failure{reader.error()};
+  return BodyPoseReader(std::move(*reader));
+}
+
+bool BodyPoseReader::drain() {
+  bool fresh = false;
+  rtbus::Stamped<rtbus::BodyPoses> sample;
+  while (reader_.read_next(sample) == rtbus::ReadStatus::kFresh) {
+    const rtbus::BodyPoses& part = sample.value;
+    if (part.first_body == 0) {
+      partial_.clear();
+      frame_ = part.frame;
+    }
+    // Whoever comes in the middle of a frame, or lost a part of one, waits for the next.
+    if (part.frame != frame_ || part.first_body != partial_.size() || part.count > rtbus::BodyPoses::kBodies) {
+      frame_ = 0;
+      continue;
+    }
+    for (std::uint32_t i = 0; i < part.count; ++i) {
+      const rtbus::Quat& q = part.orientation_wxyz[i];
+      partial_.push_back({vector_of(part.position_m[i]), Eigen::Quaterniond(q[0], q[1], q[2], q[3])});
+    }
+    if (partial_.size() != part.bodies) continue;
+    complete_ = partial_;
+    simulated_s_ = part.simulated_s;
+    fresh = true;
+  }
+  return fresh;
+}
+
+BusFrames::BusFrames(rtbus::Session session, const rtbus::config::Scene& scene, std::vector<StillHandConfig> hands)
+    : session_(std::move(session)), newest_(frame_of(scene)) {
+  for (StillHandConfig& hand : hands) hands_.emplace_back().config = std::move(hand);
+  moving_ = std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                        [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; });
+}
+
+bool BusFrames::attach() {
+  bool all = true;
+  const auto open = [&]<class T>(std::optional<rtbus::Reader<T>>& reader, const std::string& topic, bool presence) {
+    if (reader) return true;
+    auto opened = rtbus::Reader<T>::open(session_, topic, {.presence = presence});
+    if (opened) reader.emplace(std::move(*opened));
+    return reader.has_value();
+  };
+  for (Hand& hand : hands_) {
+    all = open(hand.device, hand.config.name + ".device_state", false) && all;
+    all = open(hand.telemetry, hand.config.name + ".telemetry", true) && all;
+    (void)open(hand.proxy, "physics.proxy_state." + hand.config.name, false);  // `direct` has none
+  }
+  if (moving_ && !bodies_) {
+    auto opened = BodyPoseReader::open(session_);
+    if (opened) bodies_.emplace(std::move(*opened));
+    all = bodies_.has_value() && all;
+  }
+  return all;
+}
+
+bool BusFrames::drain() {
+  bool hands_there = true;
+  std::uint64_t newest_tick_ns = 0;
+  for (Hand& hand : hands_) {
+    if (hand.device) (void)hand.device->read_latest(hand.device_now);
+    if (hand.proxy) (void)hand.proxy->read_latest(hand.proxy_now);
+    if (hand.telemetry) (void)hand.telemetry->read_latest(hand.tick_now);
+    hands_there = hands_there && hand.device_now.sequence > 0 && hand.tick_now.sequence > 0;
+    newest_tick_ns = std::max(newest_tick_ns, hand.tick_now.stamp_ns);
+  }
+  if (bodies_) {
+    if (!bodies_->drain() || !hands_there) return false;
+    newest_.poses = bodies_->poses();
+    newest_.moment = "simulated time " + seconds_text(bodies_->simulated_s());
+  } else if (!hands_there || newest_tick_ns == taken_ns_) {
+    return false;
+  }
+  taken_ns_ = newest_tick_ns;
+  newest_.hands.clear();
+  for (const Hand& hand : hands_) {
+    StillHand out;
+    out.name = hand.config.name;
+    out.radius_m = hand.config.radius_m;
+    out.target_m = vector_of(hand.device_now.value.target_position_m);
+    out.proxy_m = hand.proxy_now.sequence > 0 ? vector_of(hand.proxy_now.value.position_m) : out.target_m;
+    out.force_n = hand.config.q_WD * vector_of(hand.tick_now.value.force_n);
+    newest_.hands.push_back(out);
+  }
+  return true;
+}
+
+}  // namespace tools
