@@ -24,6 +24,7 @@ Action add_doctor(CLI::App& command);
 Action add_evaluate(CLI::App& command);
 Action add_bench(CLI::App& command);
 Action add_still(CLI::App& command);
+Action add_stream(CLI::App& command);
 #if RTBUS_WITH_HDF5
 Action add_record(CLI::App& command);
 Action add_mark(CLI::App& command);

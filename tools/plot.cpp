@@ -90,7 +90,7 @@ Figure figure_of(const std::vector<Signal>& signals, const std::vector<Mark>& ma
   Figure figure{"plot", "", 1200, 150 + 260 * static_cast<int>(panels.size())};
   figure.body =
       "set grid lt 1 lw 0.5 lc rgb '#d0d0d0'\nset border lc rgb '#606060'\nset tics nomirror\n"
-      "set key outside right top samplen 2\nset lmargin 12\nset rmargin 34\n";
+      "set key outside right top samplen 2\nset lmargin 12\nset rmargin 28\n";
   char range[96];
   std::snprintf(range, sizeof range, "set xrange [%.9g:%.9g]\n", begin_s, end_s > begin_s ? end_s : begin_s + 1e-3);
   figure.body += range;

@@ -28,6 +28,7 @@ constexpr Entry kCommands[] = {
     {"export", "What a recording holds, or all of it as CSV", &tools::add_export},
     {"plot", "Draw signals of a recording or of a running session", &tools::add_plot},
 #endif
+    {"stream", "Send a session's samples to PlotJuggler", &tools::add_stream},
     {"still", "Render a picture of a session's scene", &tools::add_still},
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},
