@@ -104,6 +104,10 @@ class Device {
   /// 20 ms by the node's housekeeping thread, concurrently with read() and write(). @realtime No.
   virtual void maintain() noexcept {}
 
+  /// What changed since the last call and should be told the user once, as a sentence; empty: nothing. Called by the
+  /// node's main thread about every 50 ms, concurrently with everything else. @realtime No.
+  [[nodiscard]] virtual std::string take_notice() { return {}; }
+
   virtual void stop() noexcept = 0;  ///< Zero force, then release. Idempotent. @realtime No.
 };
 

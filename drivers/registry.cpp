@@ -5,18 +5,47 @@
 #include <vector>
 
 #include "drivers/simulated/simulated_config.hpp"
+#include "drivers/usb/driver_module.hpp"
 
 namespace drivers {
 namespace {
 
-// In probing order. A new driver is one row here and one folder.
+/// The row of a loaded module; null when it has none of that name.
+const usb::UsbDriver* find_usb_driver(const usb::UsbModule& module, std::string_view name) {
+  for (std::size_t i = 0; i < module.driver_count; ++i) {
+    if (module.drivers[i].name == name) return &module.drivers[i];
+  }
+  return nullptr;
+}
+
+std::unique_ptr<DeviceConfig> parse_usb(std::string_view name, rtbus::config::Map& file) {
+  const auto module = usb::load_usb_module();
+  if (!module) file.fail("driver", module.error());
+  const usb::UsbDriver* const driver = find_usb_driver(**module, name);
+  if (driver == nullptr) {
+    file.fail("driver", std::string("is not in ") + usb::kUsbModuleFile + " of this build; build it anew");
+  }
+  return driver->parse(file);
+}
+
+// In probing order. A new driver is one row here and one folder; one over USB has a row in drivers/usb/module.cpp too.
 constexpr std::array kDrivers{
     DriverEntry{"simulated", "Simulated mechanics with a scripted hand, no hardware", &simulated::parse},
+    DriverEntry{"falcon", "Novint Falcon, over USB", [](rtbus::config::Map& file) { return parse_usb("falcon", file); },
+                usb::kUsbModuleFile},
+    DriverEntry{"phantom", "PHANToM-class arms with Teensy electronics, over USB",
+                [](rtbus::config::Map& file) { return parse_usb("phantom", file); }, usb::kUsbModuleFile},
 };
 
 }  // namespace
 
 std::span<const DriverEntry> registered_drivers() noexcept { return kDrivers; }
+
+bool driver_present(const DriverEntry& entry) {
+  if (entry.module.empty()) return true;
+  const auto module = usb::load_usb_module();
+  return module && find_usb_driver(**module, entry.name) != nullptr;
+}
 
 std::unique_ptr<DeviceConfig> parse_device(rtbus::config::Map& file) {
   (void)file.choice("schema", {"device/1"});

@@ -110,7 +110,10 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
       .heartbeat = std::move(*heartbeat),
       .node_info = std::move(*node_info)});
 
-  auto device = settings.device->open({.session = session, .node_name = settings.name});
+  auto device = settings.device->open({.session = session,
+                                       .node_name = settings.name,
+                                       .loop_priority = settings.realtime.priority,
+                                       .loop_core = settings.realtime.core});
   if (!device) return rtbus::Failure{NodeFault{settings.name + ": " + device.error().message}};
   node->device_ = std::move(*device);
   node->loop_ = std::make_unique<Loop>(settings, *node->device_, node->topics_->link, true);
@@ -120,11 +123,11 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
 Node::~Node() { stop(); }
 
 std::string Node::left_out() const {
-  std::string text = "libusb, USB I/O thread";
-  if (config_.device->info().dof_actuated < 6) text += ", torque path";
-  if (!loop_->renderer().needs_physics()) text += ", physics link";
-  text += ", telemetry while nobody looks";
-  return text;
+  std::string text;
+  if (!config_.device->uses_usb()) text += "libusb, USB I/O thread, ";
+  if (config_.device->info().dof_actuated < 6) text += "torque path, ";
+  if (!loop_->renderer().needs_physics()) text += "physics link, ";
+  return text + "telemetry while nobody looks";
 }
 
 rtbus::Result<void, NodeFault> Node::start() {
@@ -243,6 +246,7 @@ void Node::run_device(std::uint64_t start_ns) noexcept {
 }
 
 void Node::report_events() {
+  if (const std::string notice = device_->take_notice(); !notice.empty()) spdlog::info("{}: {}", config_.name, notice);
   events_.drain([this](const rtbus::Event& record) {
     const auto event = static_cast<LoopEvent>(record.code);
     spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));

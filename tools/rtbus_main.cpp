@@ -32,6 +32,9 @@ constexpr Entry kCommands[] = {
     {"still", "Render a picture of a session's scene", &tools::add_still},
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},
+    {"devices", "Haptic devices on the USB bus, permissions and remedies", &tools::add_devices},
+    {"device-test", "Test a device step by step: encoders, buttons, a small force", &tools::add_device_test},
+    {"virtual-device", "Offer a virtual USB device over USB/IP", &tools::add_virtual_device},
     {"evaluate", "Run an experiment and check its figures", &tools::add_evaluate},
     {"bench", "Measure this machine: what a physics step costs", &tools::add_bench},
 };

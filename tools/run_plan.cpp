@@ -36,10 +36,15 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
       plan.plants.push_back(child(haptic.name + " plant", Stage::kPlant, "simulated_plant", {"--node", haptic.name}));
     }
     plan.nodes.push_back(child(haptic.name, Stage::kHaptic, "haptic_node", {"--name", haptic.name}));
+    // A virtual device inside the node: its library comes before the C library.
+    if (const std::string library = haptic.device->preload(); !library.empty()) {
+      plan.nodes.back().preload = folder + "/" + library;
+    }
     if (plan.haptic.size() > 1 && cores[i] != haptic.realtime.core) {
       // One loop alone chooses for itself. Last, it wins over an `auto` among the assignments.
       const std::string key = "haptic." + std::to_string(i) + ".realtime.core";
-      plan.nodes.back().arguments.insert(plan.nodes.back().arguments.end(), {"--set", key + "=" + std::to_string(cores[i])});
+      plan.nodes.back().arguments.insert(plan.nodes.back().arguments.end(),
+                                         {"--set", key + "=" + std::to_string(cores[i])});
       haptic.realtime.core = cores[i];
     }
   }

@@ -10,7 +10,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include "rtbus/clock.hpp"
@@ -23,6 +25,28 @@ namespace {
 constexpr std::size_t kLastWords = 12;      // lines kept per child
 constexpr std::size_t kLongestLine = 4096;  // longer ones are cut in pieces
 constexpr std::uint64_t kPollPeriod_ns = 5 * rtbus::kNsPerMs;
+
+/// Puts a library in front of LD_PRELOAD for the children forked while it lives.
+class Preload {
+ public:
+  explicit Preload(const std::string& library) {
+    if (library.empty()) return;
+    if (const char* const before = std::getenv(kVariable)) before_ = before;
+    ::setenv(kVariable, (before_ ? library + ":" + *before_ : library).c_str(), 1);
+    set_ = true;
+  }
+  ~Preload() {
+    if (set_ && before_) ::setenv(kVariable, before_->c_str(), 1);
+    if (set_ && !before_) ::unsetenv(kVariable);
+  }
+  Preload(const Preload&) = delete;
+  Preload& operator=(const Preload&) = delete;
+
+ private:
+  static constexpr const char* kVariable = "LD_PRELOAD";
+  bool set_ = false;
+  std::optional<std::string> before_;
+};
 
 /// Runs in the child between fork and exec: async-signal-safe calls only.
 [[noreturn]] void become(const char* program, char* const* arguments, int output_fd, pid_t parent) {
@@ -72,6 +96,7 @@ rtbus::Result<void, std::string> Supervisor::start(const ChildSpec& spec) {
 
   const pid_t parent = ::getpid();
   ::setenv(rtbus::kSupervisorVariable, std::to_string(parent).c_str(), 1);
+  const Preload preload(spec.preload);
   const pid_t pid = ::fork();
   if (pid == 0) become(spec.program.c_str(), arguments.data(), ends[1], parent);
   ::close(ends[1]);

@@ -26,6 +26,7 @@ struct ChildSpec {
   Stage stage = Stage::kHaptic;
   std::string program;                 ///< Path of the binary.
   std::vector<std::string> arguments;  ///< Without the program's name.
+  std::string preload = {};            ///< Library that comes first in its LD_PRELOAD; empty: none.
 };
 
 /// How a child ended.

@@ -1,5 +1,5 @@
-/// What BulletWorld says about the surroundings of a proxy. Reads positions, velocities and the impulses that the solver left
-/// in the manifolds; runs no collision query of Bullet's and changes nothing.
+/// What BulletWorld says about the surroundings of a proxy. Reads positions, velocities and the impulses that the
+/// solver left in the manifolds; runs no collision query of Bullet's and changes nothing.
 #include <cmath>
 
 #include "physics_node/bullet/bullet_world.hpp"
@@ -29,11 +29,13 @@ struct PointForce {
 };
 PointForce force_at(const btManifoldPoint& point, double h, double scale) {
   PointForce out;
-  out.point_m = 0.5 * (from_bullet(point.getPositionWorldOnA(), scale) + from_bullet(point.getPositionWorldOnB(), scale));
+  out.point_m =
+      0.5 * (from_bullet(point.getPositionWorldOnA(), scale) + from_bullet(point.getPositionWorldOnB(), scale));
   out.normal = from_bullet(point.m_normalWorldOnB);
   // Bullet's impulses are mass · units/s.
   out.normal_n = static_cast<double>(point.m_appliedImpulse) / (h * scale);
-  out.friction_n = from_bullet(point.m_lateralFrictionDir1) * (static_cast<double>(point.m_appliedImpulseLateral1) / (h * scale));
+  out.friction_n =
+      from_bullet(point.m_lateralFrictionDir1) * (static_cast<double>(point.m_appliedImpulseLateral1) / (h * scale));
   return out;
 }
 
@@ -80,7 +82,8 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
       }
     }
     // getGravity() is an acceleration.
-    if (rigid.isActive()) behind.external_force_n = from_bullet(rigid.getGravity(), scale_) / behind.inverse_mass_per_kg;
+    if (rigid.isActive())
+      behind.external_force_n = from_bullet(rigid.getGravity(), scale_) / behind.inverse_mass_per_kg;
   }
   for (Contact& contact : out.contacts) {
     const BodyBehind& behind = out.bodies[contact.row];
@@ -88,7 +91,8 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
                                                   contact.point_m - behind.centre_m);
   }
 
-  btDispatcher& dispatcher = const_cast<btCollisionDispatcher&>(dispatcher_);  // lists its manifolds; Bullet forgot the const
+  btDispatcher& dispatcher =
+      const_cast<btCollisionDispatcher&>(dispatcher_);  // lists its manifolds; Bullet forgot the const
   btPersistentManifold* const* const manifolds = dispatcher.getInternalManifoldPointer();
   for (int i = 0; i < dispatcher.getNumManifolds(); ++i) {
     const btPersistentManifold& manifold = *manifolds[i];
@@ -107,8 +111,8 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
   }
 }
 
-void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first, std::uint32_t row,
-                              ContactSet& out) const {
+void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first,
+                              std::uint32_t row, ContactSet& out) const {
   BodyBehind& behind = out.bodies[row];
   const auto& held = *static_cast<const btRigidBody*>(first ? manifold.getBody0() : manifold.getBody1());
   const auto& other = *static_cast<const btRigidBody*>(first ? manifold.getBody1() : manifold.getBody0());

@@ -26,7 +26,8 @@ NearPoint nearest_box(const btBoxShape& box, const Vector3d& p) {
   const Vector3d core = half - Vector3d::Constant(static_cast<double>(box.getMargin()));
   const Vector3d clamped = p.cwiseMax(-core).cwiseMin(core);
   if (clamped != p) return around(p, clamped, static_cast<double>(box.getMargin()), Vector3d::UnitY());
-  const rtbus::shapes::SurfacePoint face = rtbus::shapes::nearest_surface(rtbus::shapes::Shape{rtbus::shapes::Box{half}}, p);
+  const rtbus::shapes::SurfacePoint face =
+      rtbus::shapes::nearest_surface(rtbus::shapes::Shape{rtbus::shapes::Box{half}}, p);
   return {face.point_m, face.normal, face.distance_m};
 }
 
@@ -39,8 +40,8 @@ NearPoint nearest_cylinder(const btCylinderShape& cylinder, const Vector3d& p) {
   const double core_radius = half.x() - margin;
   const double core_height = half.y() - margin;
   if (from_axis > core_radius || std::abs(p.y()) > core_height) {
-    const Vector3d core = outward * std::min(from_axis, core_radius) +
-                          Vector3d::UnitY() * std::clamp(p.y(), -core_height, core_height);
+    const Vector3d core =
+        outward * std::min(from_axis, core_radius) + Vector3d::UnitY() * std::clamp(p.y(), -core_height, core_height);
     return around(p, core, margin, outward);
   }
   const double to_side = half.x() - from_axis;
@@ -98,8 +99,8 @@ class MeshVisitor final : public btTriangleCallback {
   double reach_;
 };
 
-void nearest_hull(const btConvexShape& hull, const btTransform& pose, const Vector3d& centre, double radius, double max_gap,
-                  std::vector<NearPoint>& out) {
+void nearest_hull(const btConvexShape& hull, const btTransform& pose, const Vector3d& centre, double radius,
+                  double max_gap, std::vector<NearPoint>& out) {
   btSphereShape sphere(static_cast<btScalar>(radius));
   btVoronoiSimplexSolver simplex;
   btGjkEpaPenetrationDepthSolver depth;
@@ -127,18 +128,22 @@ void nearest_points(const btCollisionShape& shape, const btTransform& pose, cons
   const Vector3d p = q_WB.conjugate() * (centre - p_WB);
   std::vector<NearPoint> in_body;
   switch (shape.getShapeType()) {
-    case STATIC_PLANE_PROXYTYPE: in_body.push_back({Vector3d(p.x(), 0, p.z()), Vector3d::UnitY(), p.y()}); break;
+    case STATIC_PLANE_PROXYTYPE:
+      in_body.push_back({Vector3d(p.x(), 0, p.z()), Vector3d::UnitY(), p.y()});
+      break;
     case SPHERE_SHAPE_PROXYTYPE: {
       const auto ball = static_cast<double>(static_cast<const btSphereShape&>(shape).getRadius());
       in_body.push_back(around(p, Vector3d::Zero(), ball, Vector3d::UnitY()));
       break;
     }
-    case BOX_SHAPE_PROXYTYPE: in_body.push_back(nearest_box(static_cast<const btBoxShape&>(shape), p)); break;
+    case BOX_SHAPE_PROXYTYPE:
+      in_body.push_back(nearest_box(static_cast<const btBoxShape&>(shape), p));
+      break;
     case CAPSULE_SHAPE_PROXYTYPE: {
       const auto& capsule = static_cast<const btCapsuleShape&>(shape);
       const auto half = static_cast<double>(capsule.getHalfHeight());
-      in_body.push_back(around(p, Vector3d(0, std::clamp(p.y(), -half, half), 0), static_cast<double>(capsule.getRadius()),
-                               Vector3d::UnitX()));
+      in_body.push_back(around(p, Vector3d(0, std::clamp(p.y(), -half, half), 0),
+                               static_cast<double>(capsule.getRadius()), Vector3d::UnitX()));
       break;
     }
     case CYLINDER_SHAPE_PROXYTYPE:
@@ -152,7 +157,8 @@ void nearest_points(const btCollisionShape& shape, const btTransform& pose, cons
       in_body = std::move(visitor.found);
       break;
     }
-    default: break;  // make_shape() makes no other
+    default:
+      break;  // make_shape() makes no other
   }
   for (const NearPoint& each : in_body) {
     const double gap = each.gap - radius;

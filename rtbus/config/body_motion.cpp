@@ -17,8 +17,8 @@ PlacedAt place(const SinusoidMotion& motion, const Vector3d& p, const Eigen::Qua
 PlacedAt place(const WaypointMotion& motion, const Vector3d& p, const Eigen::Quaterniond& q, double t_s) {
   const double end_s = motion.times_s.back();
   const double t = motion.repeat ? std::fmod(std::max(0.0, t_s), end_s) : std::clamp(t_s, 0.0, end_s);
-  const auto next = static_cast<std::size_t>(
-      std::upper_bound(motion.times_s.begin(), motion.times_s.end(), t) - motion.times_s.begin());
+  const auto next = static_cast<std::size_t>(std::upper_bound(motion.times_s.begin(), motion.times_s.end(), t) -
+                                             motion.times_s.begin());
   if (next == motion.times_s.size()) return {motion.positions_m.back(), q};
   const double from_s = next == 0 ? 0.0 : motion.times_s[next - 1];
   const Vector3d from_m = next == 0 ? p : motion.positions_m[next - 1];

@@ -1,7 +1,7 @@
 #pragma once
 /// @file body_motion.hpp
-/// How a kinematic body moves: by the clock of the simulation, whatever pushes against it. Every motion starts from rest at
-/// the body's pose.
+/// How a kinematic body moves: by the clock of the simulation, whatever pushes against it. Every motion starts from
+/// rest at the body's pose.
 #include <string_view>
 #include <variant>
 #include <vector>
@@ -20,11 +20,12 @@ struct SinusoidMotion {
   double start_s = 0.0;
 };
 
-/// From point to point, at rest in each of them; between two a smooth step 3s² − 2s³, whose peak speed is 1.5 times the mean.
+/// From point to point, at rest in each of them; between two a smooth step 3s² − 2s³, whose peak speed is 1.5 times the
+/// mean.
 struct WaypointMotion {
-  std::vector<double> times_s;                ///< Growing; before the first the body is at position_m.
-  std::vector<Eigen::Vector3d> positions_m;   ///< In W. The way from position_m begins at time 0.
-  bool repeat = false;                        ///< After the last point time begins anew.
+  std::vector<double> times_s;               ///< Growing; before the first the body is at position_m.
+  std::vector<Eigen::Vector3d> positions_m;  ///< In W. The way from position_m begins at time 0.
+  bool repeat = false;                       ///< After the last point time begins anew.
 };
 
 /// Turns about an axis through the body's origin; the speed grows evenly over ramp_s.

@@ -20,8 +20,9 @@ Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 void check_speed(const Map& map, std::string_view key, double speed_m_s) {
   if (speed_m_s <= kMaxBodySpeed_m_s) return;
   char text[120];
-  std::snprintf(text, sizeof text, "makes the body as fast as %.3g m/s, above %.3g m/s; take a shorter way or more time",
-                speed_m_s, kMaxBodySpeed_m_s);
+  std::snprintf(text, sizeof text,
+                "makes the body as fast as %.3g m/s, above %.3g m/s; take a shorter way or more time", speed_m_s,
+                kMaxBodySpeed_m_s);
   map.fail(key, text);
 }
 

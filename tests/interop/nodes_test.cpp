@@ -23,9 +23,19 @@ TEST_F(Nodes, MapNeitherBulletNorLibusbForTheWall) {
       EXPECT_EQ(line.find("Bullet"), std::string::npos) << line;
       EXPECT_EQ(line.find("physics_bullet"), std::string::npos) << line;
       EXPECT_EQ(line.find("libusb"), std::string::npos) << line;
+      EXPECT_EQ(line.find("drivers_usb"), std::string::npos) << line;
     }
     EXPECT_GT(lines, 10);
   }
+}
+
+TEST(Devices, AreListedAlsoWhereThereIsNoUsb) {
+  const std::string out = testing::TempDir() + "devices" + std::to_string(getpid()) + ".json";
+  Child devices({std::string(RTBUS_BINARY_DIR) + "/rtbus", "devices", "--json"}, out);
+  EXPECT_EQ(devices.wait(), 0);
+  std::ifstream file(out);
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  EXPECT_NE(text.find("\"schema\": \"rtbus-devices/1\""), std::string::npos) << text;
 }
 
 TEST_F(Nodes, LeaveNothingInSharedMemoryAfterSigintAndSigterm) {

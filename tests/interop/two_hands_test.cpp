@@ -63,7 +63,8 @@ TEST_F(TwoHands, OneGoesOnUndisturbedWhenTheOtherIsKilled) {
   const long cores = std::max(1L, sysconf(_SC_NPROCESSORS_ONLN));
   const auto core = [cores](long n) { return std::to_string(std::max(0L, cores - n)); };
   left_.emplace(command("haptic_node", {"--name", "left", "--set", "haptic.0.realtime.core=" + core(1)}), "/dev/null");
-  right_.emplace(command("haptic_node", {"--name", "right", "--set", "haptic.1.realtime.core=" + core(2)}), "/dev/null");
+  right_.emplace(command("haptic_node", {"--name", "right", "--set", "haptic.1.realtime.core=" + core(2)}),
+                 "/dev/null");
   auto ticks = reader<Telemetry>("right.telemetry");
   auto other = reader<Telemetry>("left.telemetry");
   auto dead = reader<rtbus::ProxyState>("physics.proxy_state.left");

@@ -1,0 +1,24 @@
+#pragma once
+/// @file falcon_config.hpp
+/// The device file of a Novint Falcon (`driver: falcon`). Every key is explained in config/devices/falcon.yaml.
+#include <memory>
+
+#include "drivers/falcon/falcon_protocol.hpp"
+#include "drivers/registry.hpp"
+#include "rtbus/config/document.hpp"
+
+namespace drivers::falcon {
+
+/// A checked device file, without what concerns USB.
+struct FalconFile {
+  FalconSettings settings;
+  DeviceInfo info;
+};
+
+/// Reads the keys that are the Falcon's own, and its firmware file. Throws rtbus::config::Error.
+[[nodiscard]] FalconFile read_settings(rtbus::config::Map& file);
+
+/// The row of the driver registry. Throws rtbus::config::Error.
+[[nodiscard]] std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file);
+
+}  // namespace drivers::falcon

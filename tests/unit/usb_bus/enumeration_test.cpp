@@ -1,0 +1,102 @@
+// Finding devices on a bus that umockdev makes up: what the user is told when the right one is not clear. Runs under
+// umockdev-wrapper.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <umockdev.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+#include "drivers/usb/libusb_context.hpp"
+#include "tests/support/echo_device.hpp"
+
+namespace drivers::usb {
+namespace {
+
+using testing::HasSubstr;
+
+class Bus : public testing::Test {
+ protected:
+  void SetUp() override {
+    const char* const preload = std::getenv("LD_PRELOAD");
+    if (preload == nullptr || std::string(preload).find("umockdev") == std::string::npos) {
+      GTEST_SKIP() << "run it under umockdev-wrapper";
+    }
+    bed_ = umockdev_testbed_new();
+  }
+  void TearDown() override {
+    if (bed_ != nullptr) g_object_unref(bed_);
+  }
+
+  /// Plugs an echo device into port `port` of bus 1.
+  void plug(int port, const std::string& serial) {
+    const tests::EchoDevice device;
+    std::string hex;
+    for (const auto* part : {&device.descriptors().device, &device.descriptors().configuration}) {
+      for (const unsigned byte : *part) {
+        char text[3];
+        std::snprintf(text, sizeof text, "%02X", byte);
+        hex += text;
+      }
+    }
+    const std::string number = "00" + std::to_string(port + 1);
+    const std::string text =
+        "P: /devices/usb1/1-" + std::to_string(port) + "\nN: bus/usb/001/" + number +
+        "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=" + number +
+        "\nE: DEVNAME=/dev/bus/usb/001/" + number + "\nE: MAJOR=189\nE: MINOR=" + std::to_string(port) +
+        "\nA: busnum=1\\n\nA: devnum=" + std::to_string(port + 1) +
+        "\\n\nA: speed=12\\n\nA: bConfigurationValue=1\\n\nA: serial=" + serial +
+        "\\n\nA: product=Echo\\n\nH: descriptors=" + hex + "\n";
+    GError* error = nullptr;
+    ASSERT_TRUE(umockdev_testbed_add_from_string(bed_, text.c_str(), &error)) << (error ? error->message : "");
+  }
+
+  static std::string problem_of(const std::string& serial, std::uint16_t product = tests::EchoDevice::kProduct) {
+    auto context = make_context(true);
+    if (!context) return context.error().message;
+    const auto handle = open_device(context->get(), {tests::EchoDevice::kVendor, product, serial, {0}});
+    return handle ? "" : handle.error().message;
+  }
+
+  UMockdevTestbed* bed_ = nullptr;
+};
+
+TEST_F(Bus, ListsWhatIsPluggedIn) {
+  ASSERT_NO_FATAL_FAILURE(plug(1, "A1"));
+  ASSERT_NO_FATAL_FAILURE(plug(2, "B2"));
+  auto context = make_context(true);
+  ASSERT_TRUE(context) << context.error().message;
+  const auto found = list_devices(context->get());
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_EQ(found[0].vendor_id, tests::EchoDevice::kVendor);
+  EXPECT_EQ(found[0].product, "Echo");
+  EXPECT_EQ(found[0].serial == "A1" ? found[1].serial : found[0].serial, "B2");
+}
+
+TEST_F(Bus, SaysThatNothingOfThatKindIsThere) {
+  ASSERT_NO_FATAL_FAILURE(plug(1, "A1"));
+  EXPECT_THAT(problem_of("", 0x7777), HasSubstr("no USB device 1209:7777 is plugged in; check cable and power"));
+}
+
+TEST_F(Bus, ListsTheSerialsWhenThereAreSeveral) {
+  ASSERT_NO_FATAL_FAILURE(plug(1, "A1"));
+  ASSERT_NO_FATAL_FAILURE(plug(2, "B2"));
+  const std::string several = problem_of("");
+  EXPECT_THAT(several, HasSubstr("several USB devices 1209:0001"));
+  EXPECT_THAT(several, HasSubstr("A1"));
+  EXPECT_THAT(several, HasSubstr("B2"));
+  EXPECT_THAT(several, HasSubstr("serial:"));
+  const std::string other = problem_of("C3");
+  EXPECT_THAT(other, HasSubstr("no USB device 1209:0001 with serial C3 is plugged in; there is: "));
+}
+
+TEST(Explain, PermissionNamesTheRulesAndHowToInstallThem) {
+  const std::string text = explain(-3 /* LIBUSB_ERROR_ACCESS */, "opening");
+  EXPECT_THAT(text, HasSubstr("config/udev/70-rtbus-haptics.rules"));
+  EXPECT_THAT(text, HasSubstr("udevadm control --reload"));
+  EXPECT_THAT(explain(-6 /* LIBUSB_ERROR_BUSY */, "claiming"), HasSubstr("another program has it"));
+}
+
+}  // namespace
+}  // namespace drivers::usb

@@ -1,0 +1,319 @@
+// The I/O thread over the real libusb: force rules, hand-over, loss and return. Nothing here asserts how long
+// something takes; what must happen is waited for.
+#include "drivers/usb/io_device.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+
+#include "rtbus/clock.hpp"
+#include "tests/support/process.hpp"
+#include "tests/unit/usb_link/support.hpp"
+
+namespace drivers::usb {
+namespace {
+
+using testing::HasSubstr;
+using tests::EchoPort;
+using tests::EchoProtocol;
+using tests::eventually;
+constexpr std::uint64_t kMs = rtbus::kNsPerMs;
+
+IoSettings settings() {
+  IoSettings out;
+  out.info.model = "echo";
+  out.info.max_force_n = 5.0;
+  out.info.force_timeout_s = 0.020;
+  out.info.can_pace_loop = true;
+  out.info.sample_rate_hz = 1000.0;
+  // A busy machine may keep every thread waiting for longer than a device would.
+  out.reply_timeout_s = 0.1;
+  out.lost_after_s = 1.0;
+  return out;
+}
+
+class IoDeviceTest : public testing::Test {
+ protected:
+  void make(EchoProtocol::Settings protocol = {}, IoSettings io = settings()) {
+    protocol.shut_downs = &shut_downs_;
+    device_ = std::make_unique<IoDevice>(
+        io, IoThread{}, [protocol] { return std::make_unique<EchoProtocol>(protocol); },
+        [this](StopFlag& stop) { return port_.open(stop); });
+  }
+  void start() {
+    const auto started = device_->start(0);
+    ASSERT_TRUE(started) << started.error().message;
+  }
+  Vec3 force() {
+    Vec3 out{};
+    port_.locked([&] { out = tests::force_at(port_.device); });
+    return out;
+  }
+  /// One cycle of a loop that the device paces.
+  IoStatus cycle(const Vec3& force_n) {
+    const IoStatus waited = device_->wait_sample(rtbus::monotonic_ns() + 2000 * kMs);
+    const IoStatus got = device_->read(rtbus::monotonic_ns(), sample_);
+    const IoStatus wrote = device_->write(rtbus::monotonic_ns(), {force_n});
+    return waited != IoStatus::kOk   ? waited
+           : got == IoStatus::kStale ? IoStatus::kOk
+           : got != IoStatus::kOk    ? got
+                                     : wrote;
+  }
+  bool running() {
+    return eventually(10.0, [&] { return device_->figures().state == LinkState::kRunning; });
+  }
+
+  EchoPort port_;
+  std::atomic<int> shut_downs_{0};
+  std::unique_ptr<IoDevice> device_;
+  DeviceSample sample_;
+};
+
+TEST_F(IoDeviceTest, TheForceOfASampleLeavesInTheSameExchange) {
+  make();
+  start();
+  int answered = 0, next = 0;
+  double last = 0.0;
+  for (int i = 1; i <= 500; ++i) {
+    const double wish = 0.001 * i;
+    if (cycle({wish, 0.0, 0.0}) != IoStatus::kOk) continue;
+    // The echo brings back the force that went out with the exchange: the one of the cycle before.
+    ++answered;
+    next += std::abs(sample_.position_m[0] * 1e3 - last) < 1e-6;
+    last = wish;
+  }
+  const LinkFigures figures = device_->figures();
+  std::printf("%d cycles, %d with the force of the cycle before, %llu late, sample to wire p50 %.0f us p99 %.0f us\n",
+              answered, next, static_cast<unsigned long long>(figures.late_forces),
+              1e-3 * static_cast<double>(device_->sample_to_wire().percentile(0.5)),
+              1e-3 * static_cast<double>(device_->sample_to_wire().percentile(0.99)));
+  EXPECT_GT(answered, 400);
+  // Each exception is a force that came too late, and counted.
+  EXPECT_GE(next + 2 * static_cast<int>(figures.late_forces) + static_cast<int>(figures.timed_out) + 2, answered);
+  EXPECT_GT(device_->sample_to_wire().count(), 0u);
+  EXPECT_EQ(figures.protocol.bad_frames, 0u);
+}
+
+TEST_F(IoDeviceTest, WithoutALoopToPaceItKeepsItsRateAndSendsTheNewestForce) {
+  make();
+  start();
+  EXPECT_TRUE(eventually(5.0, [&] {
+    (void)device_->write(rtbus::monotonic_ns(), {{1.5, 0, 0}});
+    return force()[0] == 1.5;
+  }));
+  EXPECT_TRUE(eventually(5.0, [&] { return device_->sample_period().count() > 200; }));
+  EXPECT_GT(device_->sample_period().percentile(0.5), 700'000u) << "paced, not as fast as the device answers";
+}
+
+TEST_F(IoDeviceTest, ZeroWhenTheLoopStopsWriting) {
+  make();
+  start();
+  ASSERT_TRUE(eventually(5.0, [&] {
+    (void)device_->write(rtbus::monotonic_ns(), {{2.0, 0, 0}});
+    return force()[0] == 2.0;
+  }));
+  EXPECT_TRUE(eventually(5.0, [&] { return force()[0] == 0.0; }));
+  EXPECT_GT(device_->figures().timed_out, 0u);
+}
+
+TEST_F(IoDeviceTest, ClampsAndCounts) {
+  make();
+  start();
+  ASSERT_TRUE(eventually(5.0, [&] {
+    (void)device_->write(rtbus::monotonic_ns(), {{30.0, 40.0, 0}});
+    return std::abs(force()[0] - 3.0) < 1e-6 && std::abs(force()[1] - 4.0) < 1e-6;
+  }));
+  const std::uint64_t clamped = device_->clamped();
+  EXPECT_GT(clamped, 0u);
+  (void)device_->write(rtbus::monotonic_ns(), {{std::numeric_limits<double>::quiet_NaN(), 1.0, 0}});
+  EXPECT_EQ(device_->clamped(), clamped + 1);
+}
+
+TEST_F(IoDeviceTest, NotHomedMeansNoPoseNoForceAndSaysWhatToDo) {
+  std::atomic<bool> homed{false};
+  make({.homed = &homed});
+  start();
+  EXPECT_THAT(device_->take_notice(), HasSubstr("move the handle to its rest"));
+  EXPECT_EQ(device_->read(rtbus::monotonic_ns(), sample_), IoStatus::kLost);
+  EXPECT_EQ(device_->write(rtbus::monotonic_ns(), {{1, 0, 0}}), IoStatus::kLost);
+  EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns() + 10 * kMs), IoStatus::kLost);
+  homed.store(true);
+  EXPECT_TRUE(running());
+  EXPECT_THAT(device_->take_notice(), HasSubstr("ready"));
+  EXPECT_TRUE(eventually(5.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk; }));
+}
+
+TEST_F(IoDeviceTest, UnplugAndReplugInMidRun) {
+  make();
+  start();
+  ASSERT_TRUE(eventually(5.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk && force()[0] == 1.0; }));
+  port_.port->unplug();
+  EXPECT_TRUE(eventually(5.0, [&] { return device_->read(rtbus::monotonic_ns(), sample_) == IoStatus::kLost; }));
+  EXPECT_EQ(device_->write(rtbus::monotonic_ns(), {{1, 0, 0}}), IoStatus::kLost);
+  EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns() + 1000 * kMs), IoStatus::kLost);
+  EXPECT_TRUE(eventually(5.0, [&] { return device_->figures().losses == 1; }));
+  EXPECT_THAT(device_->take_notice(), HasSubstr("unplugged"));
+  EXPECT_EQ(device_->take_notice(), "");
+  port_.port->replug();
+  ASSERT_TRUE(running());
+  EXPECT_THAT(device_->take_notice(), HasSubstr("back"));
+  EXPECT_TRUE(eventually(5.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk; }));
+  EXPECT_EQ(device_->figures().losses, 1u);
+}
+
+TEST_F(IoDeviceTest, APendingWaitEndsWhenTheDeviceGoes) {
+  make();
+  start();
+  port_.locked([&] { port_.device.mute = true; });
+  std::thread hand([&] {
+    rtbus::sleep_until(rtbus::monotonic_ns() + 50 * kMs);
+    port_.port->unplug();
+  });
+  IoStatus status = IoStatus::kOk;
+  ASSERT_TRUE(eventually(10.0, [&] {
+    (void)device_->read(rtbus::monotonic_ns(), sample_);
+    status = device_->wait_sample(rtbus::monotonic_ns() + 5000 * kMs);
+    return status != IoStatus::kOk;
+  }));
+  EXPECT_EQ(status, IoStatus::kLost);
+  hand.join();
+}
+
+TEST_F(IoDeviceTest, LostAnswersAreCountedAndTheLinkGoesOn) {
+  IoSettings io = settings();
+  io.reply_timeout_s = 0.005;
+  make({}, io);
+  start();
+  port_.locked([&] { port_.device.lose_next = 3; });
+  EXPECT_TRUE(eventually(5.0, [&] { return device_->figures().silences >= 3; }));
+  const std::uint64_t before = device_->figures().protocol.exchanges;
+  EXPECT_TRUE(eventually(5.0, [&] { return device_->figures().protocol.exchanges > before + 20; }));
+}
+
+TEST_F(IoDeviceTest, ADeviceThatFallsSilentIsLostAndFoundAgain) {
+  IoSettings io = settings();
+  io.reply_timeout_s = 0.005;
+  io.lost_after_s = 0.1;
+  make({}, io);
+  start();
+  port_.locked([&] { port_.device.mute = true; });
+  EXPECT_TRUE(eventually(5.0, [&] { return device_->figures().state == LinkState::kLost; }));
+  EXPECT_THAT(device_->take_notice(), HasSubstr("does not answer any more"));
+  port_.locked([&] { port_.device.mute = false; });
+  EXPECT_TRUE(running());
+}
+
+TEST_F(IoDeviceTest, AStallCostsAnAnswerAndNothingElse) {
+  IoSettings io = settings();
+  io.reply_timeout_s = 0.02;
+  make({}, io);
+  start();
+  for (int i = 0; i < 5; ++i) {
+    port_.locked([&] { port_.device.stall_next_in = true; });
+    const std::uint64_t before = device_->figures().protocol.exchanges;
+    ASSERT_TRUE(eventually(5.0, [&] { return device_->figures().protocol.exchanges > before + 10; }));
+  }
+  EXPECT_EQ(device_->figures().losses, 0u);
+}
+
+TEST_F(IoDeviceTest, AFaultIsToldAndTheDeviceBroughtUpAnew) {
+  std::atomic<bool> fault{false};
+  make({.fault = &fault});
+  start();
+  fault.store(true);
+  EXPECT_TRUE(eventually(5.0, [&] { return device_->figures().state == LinkState::kLost; }));
+  EXPECT_THAT(device_->take_notice(), HasSubstr("the device reports overheating"));
+  EXPECT_GE(shut_downs_.load(), 1) << "the link works: zero force is sent";
+  fault.store(false);
+  EXPECT_TRUE(running());
+}
+
+TEST_F(IoDeviceTest, StartSaysWhyItFailsAndLeavesNothingRunning) {
+  make({.fail_with = "no wall power: plug in the supply"});
+  auto started = device_->start(0);
+  ASSERT_FALSE(started);
+  EXPECT_EQ(started.error().message, "no wall power: plug in the supply");
+  EXPECT_EQ(device_->figures().state, LinkState::kStopped);
+  port_.port->unplug();
+  started = device_->start(0);
+  ASSERT_FALSE(started);
+  EXPECT_THAT(started.error().message, HasSubstr("unplugged"));
+  device_->stop();
+}
+
+TEST_F(IoDeviceTest, ADeviceThatNeverAnswersFailsTheStart) {
+  IoSettings io = settings();
+  io.reply_timeout_s = 0.005;
+  io.lost_after_s = 0.05;
+  port_.locked([&] { port_.device.mute = true; });
+  make({}, io);
+  const auto started = device_->start(0);
+  ASSERT_FALSE(started);
+  EXPECT_THAT(started.error().message, HasSubstr("does not answer"));
+}
+
+TEST_F(IoDeviceTest, StopEndsABringUpThatWaits) {
+  make({.wait_in_bring_up = true});
+  std::thread other([&] {
+    rtbus::sleep_until(rtbus::monotonic_ns() + 50 * kMs);
+    device_->stop_bring_up();
+  });
+  const auto started = device_->start(0);
+  other.join();
+  EXPECT_FALSE(started);
+}
+
+TEST_F(IoDeviceTest, StopLeavesZeroForceAndMayBeFollowedByStart) {
+  make();
+  start();
+  ASSERT_TRUE(eventually(5.0, [&] { return cycle({2, 0, 0}) == IoStatus::kOk && force()[0] == 2.0; }));
+  device_->stop();
+  device_->stop();
+  EXPECT_EQ(force()[0], 0.0);
+  EXPECT_EQ(shut_downs_.load(), 1);
+  EXPECT_THAT(device_->take_notice(), HasSubstr("sample to wire p50"));
+  EXPECT_EQ(device_->read(rtbus::monotonic_ns(), sample_), IoStatus::kLost);
+  start();
+  EXPECT_TRUE(eventually(5.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk; }));
+}
+
+TEST_F(IoDeviceTest, FetchFirstAnswersAFreshMeasurement) {
+  IoSettings io = settings();
+  io.fetch_first = true;
+  make({}, io);
+  start();
+  int good = 0;
+  for (int i = 0; i < 200; ++i) good += cycle({0.5, 0, 0}) == IoStatus::kOk;
+  EXPECT_GT(good, 100);
+  std::printf("sample to wire p50 %.0f us p99 %.0f us\n",
+              1e-3 * static_cast<double>(device_->sample_to_wire().percentile(0.5)),
+              1e-3 * static_cast<double>(device_->sample_to_wire().percentile(0.99)));
+  EXPECT_GT(device_->sample_to_wire().count(), 100u);
+  // Two exchanges per period.
+  EXPECT_GT(device_->figures().protocol.exchanges, device_->sample_period().count() * 3 / 2);
+}
+
+TEST(IoDevices, TwoRunSideBySide) {
+  EchoPort ports[2];
+  std::unique_ptr<IoDevice> devices[2];
+  for (int i = 0; i < 2; ++i) {
+    devices[i] = std::make_unique<IoDevice>(
+        settings(), IoThread{}, [] { return std::make_unique<EchoProtocol>(EchoProtocol::Settings{}); },
+        [&ports, i](StopFlag& stop) { return ports[i].open(stop); });
+    const auto started = devices[i]->start(0);
+    ASSERT_TRUE(started) << started.error().message;
+  }
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_TRUE(eventually(5.0, [&] {
+      (void)devices[i]->write(rtbus::monotonic_ns(), {{1.0 + i, 0, 0}});
+      Vec3 got{};
+      ports[i].locked([&] { got = tests::force_at(ports[i].device); });
+      return got[0] == 1.0 + i;
+    }));
+  }
+}
+
+}  // namespace
+}  // namespace drivers::usb
