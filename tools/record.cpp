@@ -26,6 +26,7 @@ struct RecordOptions {
   std::vector<std::string> topics;
   std::optional<double> duration_s;
   int compression = 0;
+  std::uint64_t reserve_mib = rtbus::recording::kReserveBytes >> 20;
   bool json = false;
 };
 
@@ -83,6 +84,7 @@ int record(const RecordOptions& options) {
   }
   auto about = describe_session(*session);
   about.compression = options.compression;
+  about.reserve_bytes = options.reserve_mib << 20;
   auto writer = rtbus::recording::Writer::create(options.file, std::move(about));
   if (!writer) {
     std::cerr << "rtbus record: " << writer.error().message << '\n';
@@ -111,7 +113,7 @@ int record(const RecordOptions& options) {
     return kExitUsage;
   }
   while (!fault && !interrupted()) {
-    recorder.drain();
+    if (!keep(recorder.drain())) break;
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     if (options.duration_s && rtbus::seconds_between(begin_ns, now_ns) >= *options.duration_s) break;
     if (now_ns >= flush_ns) {
@@ -125,7 +127,7 @@ int record(const RecordOptions& options) {
     }
     sleep_unless_interrupted(kDrainPeriod_ns);
   }
-  recorder.drain();
+  if (!fault) (void)keep(recorder.drain());
   const Summary sum = summary();
   (void)keep(recorder.close());
   if (progress) std::printf("\r");
@@ -146,6 +148,9 @@ Action add_record(CLI::App& command) {
       ->check(CLI::PositiveNumber);
   command.add_option("--compress", options->compression, "Deflate level 0…9; costs time, saves about half the space")
       ->check(CLI::Range(0, 9))
+      ->capture_default_str();
+  command.add_option("--reserve", options->reserve_mib, "Ends in order when the disk has less left [MiB]")
+      ->check(CLI::Range(0, 1 << 20))
       ->capture_default_str();
   command.add_flag("--json", options->json, "Only the final figures, as JSON");
   command.footer(

@@ -94,7 +94,7 @@ Recorder::Recorder(rtbus::Session session, rtbus::recording::Writer writer, std:
     : session_(std::move(session)), writer_(std::move(writer)), wanted_(std::move(wanted)), inbox_(session_.name) {}
 
 bool Recorder::wants(const std::string& topic) const {
-  if (wanted_.empty()) return topic.find("bod") == std::string::npos;
+  if (wanted_.empty()) return topic != kBodyPoses;
   return std::any_of(wanted_.begin(), wanted_.end(), [&](const std::string& name) { return topic.starts_with(name); });
 }
 
@@ -103,9 +103,17 @@ rtbus::Result<void, Fault> Recorder::follow(Followed& topic) {
   auto reader = rtbus::RawReader::open(
       session_, topic.name,
       {.presence = true, .from_oldest = topic.reader.has_value(), .trust = rtbus::OwnerTrust::kAnyone});
-  if (!reader) return {};  // gone again; the next look will tell
-  if (topic.reader) topic.missed_before += topic.reader->missed();
+  if (!reader) return {};  // not there yet, or gone again; the next look will tell
+  if (topic.reader) {
+    // What has the name may belong to a dead writer while a live one, whose segment was deleted, is about to make its
+    // topic anew: stay where samples come from.
+    if (topic.reader->writer_alive() && !reader->writer_alive()) return {};
+    topic.missed_before += topic.reader->missed();
+    topic.recorded_until_ns = topic.last_stamp_ns;  // a writer that makes its topic anew writes both for a while
+  }
   if (!topic.reader || topic.type_hash != reader->description().type_hash) {
+    if (topic.reader) writer_.set_dropped(topic.handle, topic.missed_before);
+    missed_in_other_layouts_ += std::exchange(topic.missed_before, 0);
     auto handle = writer_.add_topic(topic.name, reader->description());
     if (!handle) return rtbus::Failure{handle.error()};
     topic.handle = *handle;
@@ -117,41 +125,46 @@ rtbus::Result<void, Fault> Recorder::follow(Followed& topic) {
 
 rtbus::Result<void, Fault> Recorder::attach() {
   for (const rtbus::TopicInfo& info : rtbus::list_topics(session_.name)) {
-    if (!info.problem.empty() || !wants(info.topic)) continue;
-    auto known =
+    if (!info.problem.empty() || !info.writer_alive || !wants(info.topic)) continue;
+    const auto known =
         std::find_if(topics_.begin(), topics_.end(), [&](const Followed& topic) { return topic.name == info.topic; });
-    if (known == topics_.end()) {
-      if (!info.writer_alive) continue;
-      topics_.emplace_back().name = info.topic;
-      known = std::prev(topics_.end());
-    } else if (known->reader && !known->reader->replaced()) {
-      continue;
-    } else {
-      drain(*known);  // what the old segment still holds
-    }
-    if (auto followed = follow(*known); !followed) return followed;
+    if (known != topics_.end()) continue;  // drain() follows it
+    topics_.emplace_back().name = info.topic;
+    if (auto followed = follow(topics_.back()); !followed) return followed;
   }
   return {};
 }
 
-void Recorder::drain(Followed& topic) {
+void Recorder::take(Followed& topic) {
   if (!topic.reader) return;
   rtbus::RawReader& reader = *topic.reader;
   // Bounded by two rings: a writer faster than this loop may not keep it from the others.
   for (std::uint64_t i = 0; i < 2ull * reader.description().capacity; ++i) {
     if (reader.read_next() != rtbus::ReadStatus::kFresh) break;
+    if (reader.stamp_ns() <= topic.recorded_until_ns) continue;  // was taken from the segment before this one
+    topic.last_stamp_ns = reader.stamp_ns();
     writer_.append(topic.handle, reader.sequence(), reader.stamp_ns(), reader.bytes());
     ++topic.samples;
   }
-  writer_.set_dropped(topic.handle, topic.missed_before + reader.missed());
 }
 
-void Recorder::drain() {
-  for (Followed& topic : topics_) drain(topic);
+rtbus::Result<void, Fault> Recorder::drain() {
+  for (Followed& topic : topics_) {
+    // Asked before the old segment is emptied: what comes later is in the new one too.
+    const bool replaced = !topic.reader || topic.reader->replaced();
+    take(topic);
+    if (replaced) {
+      if (auto followed = follow(topic); !followed) return followed;
+      take(topic);
+    }
+    if (!topic.reader) continue;
+    writer_.set_dropped(topic.handle, topic.missed_before + topic.reader->missed());
+  }
   while (auto mark = inbox_.take()) {
     writer_.mark(mark->stamp_ns, mark->text);
     ++marks_;
   }
+  return {};
 }
 
 rtbus::Result<void, Fault> Recorder::close() {
@@ -163,6 +176,7 @@ RecorderFigures Recorder::figures() const {
   RecorderFigures sum;
   sum.marks = marks_;
   sum.topics = topics_.size();
+  sum.dropped = missed_in_other_layouts_;
   for (const Followed& topic : topics_) {
     sum.samples += topic.samples;
     sum.dropped += topic.missed_before + (topic.reader ? topic.reader->missed() : 0);

@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "rtbus/recording/writer.hpp"
@@ -17,6 +18,9 @@ namespace tools {
 /// What a recording keeps about its session besides the samples: command lines of the live nodes, and the files that
 /// they were started with (session file and what it refers to), as they are now.
 [[nodiscard]] rtbus::recording::Metadata describe_session(const std::string& session);
+
+/// Left out unless asked for: 30 times a second several samples for every body of the scene.
+inline constexpr std::string_view kBodyPoses = "physics.body_poses";
 
 struct RecorderFigures {
   std::uint64_t samples = 0;
@@ -34,8 +38,9 @@ class Recorder {
   /// Looks for new topics. Every second or so. @returns a fault when the file cannot be extended.
   [[nodiscard]] rtbus::Result<void, rtbus::recording::Fault> attach();
 
-  /// Takes in what is new. Every 20 ms: the shortest ring holds more.
-  void drain();
+  /// Takes in what is new, and changes over to segments that came in the place of others. Every 20 ms: the shortest
+  /// ring holds more. @returns a fault when the file cannot be extended.
+  [[nodiscard]] rtbus::Result<void, rtbus::recording::Fault> drain();
 
   [[nodiscard]] rtbus::Result<void, rtbus::recording::Fault> flush() { return writer_.flush(); }
   [[nodiscard]] rtbus::Result<void, rtbus::recording::Fault> close();
@@ -48,13 +53,15 @@ class Recorder {
     std::string name;
     std::size_t handle = 0;
     std::uint64_t type_hash = 0;
-    std::uint64_t missed_before = 0;  ///< By readers before this one.
+    std::uint64_t missed_before = 0;      ///< By readers before this one.
+    std::uint64_t last_stamp_ns = 0;      ///< Of the newest sample taken.
+    std::uint64_t recorded_until_ns = 0;  ///< By readers before this one: a new segment begins with old samples.
     std::uint64_t samples = 0;
     std::optional<rtbus::RawReader> reader;
   };
   [[nodiscard]] bool wants(const std::string& topic) const;
   [[nodiscard]] rtbus::Result<void, rtbus::recording::Fault> follow(Followed& topic);
-  void drain(Followed& topic);
+  void take(Followed& topic);
 
   rtbus::Session session_;
   rtbus::recording::Writer writer_;
@@ -62,6 +69,7 @@ class Recorder {
   std::vector<Followed> topics_;
   MarkInbox inbox_;
   std::uint64_t marks_ = 0;
+  std::uint64_t missed_in_other_layouts_ = 0;  ///< By topics that came back with other fields.
 };
 
 }  // namespace tools

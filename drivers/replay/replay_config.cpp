@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "drivers/replay/replay_device.hpp"
-#include "drivers/simulated/simulated_config.hpp"
+#include "drivers/simulated/model_config.hpp"
 #include "rtbus/recording/reader.hpp"
 
 namespace drivers::replay {
@@ -107,6 +107,12 @@ std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file) {
   settings.to_s = file.number("to_s", {0.0, 1e6}, 1e6);
   if (settings.to_s <= settings.from_s) file.fail("to_s", "is not after from_s; raise it");
   settings.info = simulated::parse_model_info(file);
+  // Here already: a wrong file is found before anything starts.
+  const auto recording = Recording::open(settings.file);
+  if (!recording) file.fail("file", "cannot be replayed: " + recording.error().message);
+  if (const auto motion = find_motion(*recording, settings); !motion) {
+    file.fail(settings.topic.empty() ? "file" : "topic", "cannot be replayed: " + motion.error().message);
+  }
   settings.info.serial = "replay";
   return std::make_unique<ReplayConfig>(std::move(settings));
 }

@@ -7,7 +7,8 @@
 
 namespace drivers::replay {
 
-/// Reads the keys `file`, `topic`, `from_s`, `to_s`, `model`. The recording is read when the device is opened.
+/// Reads the keys `file`, `topic`, `from_s`, `to_s`, `model`, `limits`, and looks whether the recording has the motion;
+/// it is loaded when the device is opened.
 /// Throws rtbus::config::Error.
 [[nodiscard]] std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file);
 

@@ -22,6 +22,7 @@ rtbus::Result<void, DeviceFault> ReplayDevice::start(std::uint64_t) {
   running_ = true;
   begun_ = false;
   next_ = 0;
+  clamped_ = 0;
   return {};
 }
 
@@ -34,6 +35,7 @@ IoStatus ReplayDevice::read(std::uint64_t now_ns, DeviceSample& out) noexcept {
   // A loop that was held up skips what it missed, as with a real device; bounded by the ticks that were missed.
   while (next_ < motion_.size() && motion_[next_].time_ns - first_ns <= elapsed_ns + tolerance_ns_) ++next_;
   const DeviceSample& sample = motion_[next_ - 1];
+  if (elapsed_ns > sample.time_ns - first_ns + kGap_ns) return IoStatus::kLost;
   out = sample;
   out.time_ns = std::min(now_ns, begin_ns_ + (sample.time_ns - first_ns));
   return next_ == before ? IoStatus::kStale : IoStatus::kOk;

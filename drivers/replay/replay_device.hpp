@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "drivers/device.hpp"
+#include "rtbus/clock.hpp"
 
 namespace drivers::replay {
 
@@ -12,9 +13,13 @@ namespace drivers::replay {
 using Motion = std::vector<DeviceSample>;
 
 /// Replays by the time handed in: a loop that ticks as the recorded one did sees exactly the samples that it saw, with
-/// the same intervals between them. When the motion ends the last sample stays.
+/// the same intervals between them. Where the recording has a gap, and after its end, the device is lost: nobody knows
+/// where the hand was.
 class ReplayDevice final : public Device {
  public:
+  /// Longer than a loop at 500 Hz ever leaves between two samples, far shorter than a node's restart.
+  static constexpr std::uint64_t kGap_ns = 20 * rtbus::kNsPerMs;
+
   ReplayDevice(DeviceInfo info, Motion motion);
 
   [[nodiscard]] const DeviceInfo& info() const noexcept override { return info_; }

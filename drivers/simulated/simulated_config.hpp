@@ -47,10 +47,6 @@ class SimulatedConfig final : public DeviceConfig {
 /// Reads what follows `schema` and `driver` in a device file. Throws rtbus::config::Error.
 [[nodiscard]] std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file);
 
-/// Reads `model:` and the optional `limits:` alone: what a device of that name promises, for drivers without mechanics
-/// of their own. Throws rtbus::config::Error.
-[[nodiscard]] DeviceInfo parse_model_info(rtbus::config::Map& file);
-
 /// Reads the `hand:` map. `start_m` becomes the point where the script begins; it stays as it is without a hand.
 /// Throws rtbus::config::Error.
 [[nodiscard]] Hand parse_hand(rtbus::config::Map& map, Eigen::Vector3d& start_m);

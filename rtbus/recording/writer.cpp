@@ -329,7 +329,7 @@ Result<void, Fault> Writer::Impl::room() const {
   struct statvfs disk {};
   if (::statvfs(path.c_str(), &disk) != 0) return {};
   const std::uint64_t free_bytes = static_cast<std::uint64_t>(disk.f_bavail) * disk.f_frsize;
-  if (free_bytes >= kReserveBytes) return {};
+  if (free_bytes >= metadata.reserve_bytes) return {};
   return Failure{Fault{"the disk of " + path + " is nearly full (" + std::to_string(free_bytes >> 20) +
                        " MiB left); the recording has ended, what was written is whole"}};
 }

@@ -29,7 +29,11 @@ struct ConfigFile {
   std::string text;
 };
 
-/// What the file says about itself.
+/// Free space below which a recording ends by itself, so that the file is closed in order before the disk is full
+/// [byte].
+inline constexpr std::uint64_t kReserveBytes = 16u << 20;
+
+/// What the file says about itself, and how it is written.
 struct Metadata {
   std::string session;
   std::string version;                ///< Of this project.
@@ -37,11 +41,8 @@ struct Metadata {
   std::vector<std::string> commands;  ///< Command lines of the nodes.
   std::vector<ConfigFile> config;     ///< Files that they were started with, as they are now.
   int compression = 0;                ///< Deflate level 0…9.
+  std::uint64_t reserve_bytes = kReserveBytes;
 };
-
-/// Free space below which a recording ends by itself, so that the file is closed in order before the disk is full
-/// [byte].
-inline constexpr std::uint64_t kReserveBytes = 16u << 20;
 
 class Writer {
  public:

@@ -14,11 +14,14 @@
 #include "rtbus/messages.hpp"
 #include "rtbus/recording/reader.hpp"
 #include "rtbus/recording/writer.hpp"
+#include "tests/support/recording.hpp"
 #include "tools/marks.hpp"
 
 namespace {
 
 namespace rec = rtbus::recording;
+using tests::bytes_of;
+using tests::description_of;
 
 class Recordings : public ::testing::Test {
  protected:
@@ -31,20 +34,6 @@ class Recordings : public ::testing::Test {
   std::filesystem::path folder_;
 };
 
-template <rtbus::Sample T>
-rtbus::Segment::Description description_of() {
-  const rtbus::SampleDescription type = rtbus::describe<T>();
-  rtbus::Segment::Description out;
-  out.type_name = type.type_name;
-  out.type_hash = type.type_hash;
-  out.sample_bytes = type.bytes;
-  out.capacity = 64;
-  for (const rtbus::Field& field : type.fields) {
-    out.fields.push_back({std::string(field.name), std::string(field.unit), field.type, field.offset, field.count});
-  }
-  return out;
-}
-
 /// Every field of it differs from sample to sample.
 rtbus::Telemetry tick(std::uint64_t i) {
   std::mt19937_64 random(i);
@@ -55,8 +44,6 @@ rtbus::Telemetry tick(std::uint64_t i) {
   out.tick = i;
   return out;
 }
-
-std::span<const std::byte> bytes_of(const auto& sample) { return std::as_bytes(std::span(&sample, 1)); }
 
 rec::Metadata metadata() {
   rec::Metadata about;
@@ -190,6 +177,23 @@ TEST_F(Recordings, can_be_read_while_they_grow) {
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   writer->append(*topic, 2, 2, bytes_of(beat));
   EXPECT_TRUE(writer->flush());
+}
+
+TEST_F(Recordings, end_in_order_when_the_disk_is_nearly_full) {
+  auto about = metadata();
+  about.reserve_bytes = UINT64_MAX;  // more than any disk has
+  auto writer = rec::Writer::create(path(), about);
+  ASSERT_TRUE(writer);
+  const auto topic = writer->add_topic("t", description_of<rtbus::Telemetry>());
+  writer->append(*topic, 1, 1, bytes_of(tick(1)));
+  const auto flushed = writer->flush();
+  ASSERT_FALSE(flushed);
+  EXPECT_NE(flushed.error().message.find(path() + " is nearly full"), std::string::npos) << flushed.error().message;
+  ASSERT_TRUE(writer->close());
+  const auto recording = rec::Recording::open(path());
+  ASSERT_TRUE(recording) << recording.error().message;
+  EXPECT_TRUE(recording->complete());
+  ASSERT_EQ(recording->find("t")->rows, 1u);  // what it had is in there
 }
 
 TEST_F(Recordings, do_not_overwrite) {
