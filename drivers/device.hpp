@@ -34,6 +34,7 @@ struct DeviceInfo {
   Vec3 workspace_min_m{-0.08, -0.06, -0.06};  ///< Frame D [m].
   Vec3 workspace_max_m{0.08, 0.06, 0.06};     ///< Frame D [m].
   double force_timeout_s = 0.020;             ///< With no write for so long the device itself goes to zero [s].
+  bool simulated = false;                     ///< Mechanics and hand are computed: nobody can be hurt.
   bool can_pace_loop = false;                 ///< wait_sample() works: `clock: device` is possible.
   double sample_rate_hz = 0.0;  ///< At which it then paces the loop [Hz]; the loop's rate_hz must be the same.
 };

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "haptic_node/loop.hpp"
+#include "haptic_node/pipe_link.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/publication.hpp"
 #include "rtbus/subscription.hpp"
@@ -13,22 +14,30 @@
 namespace haptic {
 
 /// `<haptic>.device_state` out; `physics.proxy_state.<haptic>` and `physics.heartbeat` in, from whichever physics
-/// process is there. send() and receive() belong to the loop's thread, maintain() to the housekeeping thread.
+/// process is there. With `link: pipe` hand and proxy travel through the pipe; the topic of the hand goes on for
+/// observers, and the heartbeat stays on the bus: whether physics lives is not part of the comparison. send() and
+/// receive() belong to the loop's thread, maintain() to the housekeeping thread.
 class BusLink final : public PhysicsLink {
  public:
-  /// @param needs_physics False: the incoming topics are left out.
+  /// @param needs_physics False: the incoming topics are left out. @param wire Form of the link.
   BusLink(rtbus::Publication<rtbus::DeviceState> device_state, const rtbus::Session& session, const std::string& node,
-          bool needs_physics)
+          bool needs_physics, const rtbus::config::LinkConfig& wire = {})
       : device_state_(std::move(device_state)) {
     if (!needs_physics) return;
-    proxy_state_ = std::make_unique<rtbus::Subscription<rtbus::ProxyState>>(session, "physics.proxy_state." + node);
+    if (wire.pipe) {
+      pipe_ = std::make_unique<PipeLink>(session, node, *wire.rate_hz);
+    } else {
+      proxy_state_ = std::make_unique<rtbus::Subscription<rtbus::ProxyState>>(session, "physics.proxy_state." + node);
+    }
     heartbeat_ = std::make_unique<rtbus::Subscription<rtbus::Heartbeat>>(session, "physics.heartbeat");
   }
 
   void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING override {
     device_state_.publish(state, now_ns);
+    if (pipe_) pipe_->send(state, now_ns);
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING override {
+    if (pipe_) return pipe_->receive(out);
     return proxy_state_ && proxy_state_->read_latest(out) == rtbus::ReadStatus::kFresh;
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
@@ -43,12 +52,15 @@ class BusLink final : public PhysicsLink {
     if (heartbeat_) heartbeat_->maintain();
   }
 
+  /// The work of `link: pipe`, for a thread of its own; null without it.
+  [[nodiscard]] PipeLink* pipe() const noexcept { return pipe_.get(); }
   [[nodiscard]] const rtbus::Publication<rtbus::DeviceState>& device_state() const noexcept { return device_state_; }
 
  private:
   rtbus::Publication<rtbus::DeviceState> device_state_;
   std::unique_ptr<rtbus::Subscription<rtbus::ProxyState>> proxy_state_;
   std::unique_ptr<rtbus::Subscription<rtbus::Heartbeat>> heartbeat_;
+  std::unique_ptr<PipeLink> pipe_;
 };
 
 }  // namespace haptic

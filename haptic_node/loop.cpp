@@ -22,7 +22,8 @@ void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
 }
 
 std::unique_ptr<Renderer> make_renderer(const HapticConfig& config, const Mapping& mapping) {
-  const RendererContext context{config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes};
+  const RendererContext context{config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes,
+                                config.wire.paper,        config.proxy_mass_kg};
   return find_renderer(config.method)->make(context);
 }
 
@@ -34,6 +35,9 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       link_(link),
       measure_(measure),
       dt_s_(static_cast<double>(config.period_ns()) * 1e-9),
+      // A pipe has a thread that reads the newest state at its own rate.
+      packets_per_cycle_(config.wire.rate_hz && !config.wire.pipe ? *config.wire.rate_hz / config.rate_hz : 1.0),
+      packet_phase_(1.0 - packets_per_cycle_),  // the first cycle sends
       // In 1 ms steps: two processes that follow each other get different ones. Fixed where runs must repeat.
       mapping_(config.mapping, measure ? static_cast<std::uint32_t>(rtbus::monotonic_ns() >> 20) : 1),
       renderer_(make_renderer(config, mapping_)),
@@ -41,7 +45,13 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       safety_(config.safety),
       monitor_(config.link),
       force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {
-  state_.wants = find_renderer(config.method)->needs_contacts ? std::uint32_t{rtbus::kWantsContacts} : 0U;
+  const RendererEntry& law = *find_renderer(config.method);
+  if (law.server_force != ServerForce::kNone) {
+    state_.hand_stiffness_n_per_m = config.stiffness_n_per_m;
+    state_.hand_damping_n_s_per_m = config.damping_n_s_per_m;
+    state_.prediction_periods = config.prediction_periods;
+  }
+  state_.wants = law.needs_contacts ? std::uint32_t{rtbus::kWantsContacts} : 0U;
 }
 
 void Loop::note(LoopEvent event) noexcept {
@@ -72,7 +82,7 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
       proxy_.period_s = news.step_s;
       proxy_.position_m = mapping_.position_to_device(to_vector(news.position_m));
       proxy_.velocity_m_s = mapping_.velocity_to_device(to_vector(news.velocity_m_s));
-      proxy_.server_force_n = -mapping_.force_to_device(to_vector(news.coupling_force_n));
+      proxy_.server_force_n = mapping_.force_to_device(to_vector(news.hand_force_n));
     }
   }
   const bool was_alive = link_alive_;
@@ -236,7 +246,7 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
 
   // 4. Tell physics, and keep the books.
   describe_hand(sample_, position_m, enabled);
-  link_.send(state_, now_ns);
+  if (packet_is_due()) link_.send(state_, now_ns);
   count(safe, safe.force_n);
 
   const std::uint64_t proxy_age_ns = proxy_.valid ? now_ns - proxy_.device_time_ns : 0;  // never later than now
@@ -268,6 +278,14 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
     telemetry_.compute_us = static_cast<double>(compute_ns) * 1e-3;
     telemetry_.device_us = static_cast<double>(device_ns) * 1e-3;
   }
+}
+
+bool Loop::packet_is_due() noexcept {
+  constexpr double kRounding = 1e-9;
+  packet_phase_ += packets_per_cycle_;
+  if (packet_phase_ < 1.0 - kRounding) return false;
+  packet_phase_ -= 1.0;
+  return true;
 }
 
 void Loop::release(std::uint64_t now_ns) noexcept {

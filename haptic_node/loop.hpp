@@ -91,12 +91,15 @@ class Loop {
                      bool enabled) noexcept RTBUS_NONBLOCKING;
   void count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING;
   void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] bool packet_is_due() noexcept RTBUS_NONBLOCKING;
 
   const HapticConfig& config_;
   drivers::Device& device_;
   PhysicsLink& link_;
   const bool measure_;
   const double dt_s_;
+  const double packets_per_cycle_;  ///< 1: every tick.
+  double packet_phase_;             ///< A packet is due when this reaches 1.
   Mapping mapping_;
   std::unique_ptr<Renderer> renderer_;
   VelocityEstimator velocity_;

@@ -103,12 +103,12 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "node_info", 4);
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
-  node->topics_.reset(new Topics{
-      .link = {std::move(*device_state), session, settings.name, find_renderer(settings.method)->needs_physics},
-      .telemetry = std::move(*telemetry),
-      .loop_stats = std::move(*loop_stats),
-      .heartbeat = std::move(*heartbeat),
-      .node_info = std::move(*node_info)});
+  node->topics_.reset(new Topics{.link = {std::move(*device_state), session, settings.name,
+                                          find_renderer(settings.method)->needs_physics, settings.wire},
+                                 .telemetry = std::move(*telemetry),
+                                 .loop_stats = std::move(*loop_stats),
+                                 .heartbeat = std::move(*heartbeat),
+                                 .node_info = std::move(*node_info)});
 
   auto device = settings.device->open({.session = session,
                                        .node_name = settings.name,
@@ -127,6 +127,7 @@ std::string Node::left_out() const {
   if (!config_.device->uses_usb()) text += "libusb, USB I/O thread, ";
   if (config_.device->info().dof_actuated < 6) text += "torque path, ";
   if (!loop_->renderer().needs_physics()) text += "physics link, ";
+  if (!config_.wire.pipe) text += "pipe thread, ";
   return text + "telemetry while nobody looks";
 }
 
@@ -152,6 +153,11 @@ rtbus::Result<void, NodeFault> Node::start() {
         "friction, the hand and the passivity controller must",
         config_.name, passive);
   }
+  if (config_.wire.paper) {
+    spdlog::info("{}: form paper: explicit spring at the server, absolute damping, {:g} packets/s by {}; passivity {}",
+                 config_.name, config_.wire.rate_hz.value_or(config_.rate_hz), config_.wire.pipe ? "pipe" : "bus",
+                 config_.safety.passivity.control ? "controlled" : "observed only: nobody holds a simulated device");
+  }
   spdlog::info("{}: left out: {}", config_.name, left_out());
 
   try {
@@ -174,6 +180,9 @@ void Node::start_threads() {
   spdlog::info("{}: granted: {}", config_.name, grant_.summary());
   for (const std::string& warning : grant_.warnings) spdlog::warn("{}: {}", config_.name, warning);
   house_thread_ = std::thread([this] { house_thread(); });
+  if (PipeLink* const pipe = topics_->link.pipe()) {
+    pipe_thread_ = std::thread([this, pipe] { pipe->run(house_stop_); });
+  }
 }
 
 void Node::stop() noexcept {
@@ -181,6 +190,7 @@ void Node::stop() noexcept {
   if (loop_thread_.joinable()) loop_thread_.join();
   house_stop_.store(true, std::memory_order_release);
   if (house_thread_.joinable()) house_thread_.join();
+  if (pipe_thread_.joinable()) pipe_thread_.join();
   if (device_) device_->stop();
 }
 

@@ -66,6 +66,7 @@ class Node {
   std::atomic<std::uint64_t> last_tick_ns_{0};
   std::thread loop_thread_;
   std::thread house_thread_;
+  std::thread pipe_thread_;  ///< `link: pipe` only; not realtime.
 };
 
 }  // namespace haptic

@@ -98,6 +98,26 @@ void read_safety(Map& entry, HapticConfig& out) {
   passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
   passivity.coulomb_friction_n = device.coulomb_friction_n;
   passivity.position_quantum_m = device.position_quantum_m;
+  // The published methods had no such controller, and an experiment that shows their divergence must not have one
+  // either. On a device that somebody may hold it stays, whatever the form.
+  passivity.control = !(out.wire.paper && device.simulated);
+}
+
+void read_method(Map& entry, const RendererEntry& method, HapticConfig& out) {
+  out.wire = rtbus::config::read_link_config(entry);
+  if (out.wire.rate_hz && *out.wire.rate_hz > out.rate_hz) {
+    entry.fail("link_rate_hz", "is above rate_hz = " + format_number(out.rate_hz) +
+                                   " Hz: there is no newer state of the hand to send; lower it or leave it out");
+  }
+  if (out.wire.pipe && !method.needs_physics) {
+    entry.fail("link", "has no physics at its other end: method " + out.method + " needs none; leave it out");
+  }
+  // One period of the ramp and half a period of age: what lies between the sampling of a hand and the force.
+  out.prediction_periods = entry.number("prediction_periods", {0.0, 10.0}, 1.5);
+  if (method.server_force != ServerForce::kPredicted) out.prediction_periods = 0.0;
+  if (auto proxy = entry.optional_map("proxy"); proxy && !method.needs_physics) {
+    out.proxy_mass_kg = proxy->number("mass_kg", {0.001, 100.0}, out.proxy_mass_kg);  // physics reads the rest
+  }
 }
 
 void read_realtime(Map& entry, HapticConfig& out) {
@@ -170,6 +190,8 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
     entry.fail("method", "looks at every shape in every cycle and takes at most " + std::to_string(kMaxDirectShapes) +
                              "; the scene has " + std::to_string(out.shapes.size()) + ": use remote_virtual_coupling");
   }
+
+  read_method(entry, *method, out);
 
   out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
   auto coupling = entry.map("coupling");

@@ -10,6 +10,7 @@
 #include "haptic_node/mapping.hpp"
 #include "haptic_node/safety.hpp"
 #include "rtbus/config/document.hpp"
+#include "rtbus/config/link.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/shapes/shapes.hpp"
@@ -22,7 +23,10 @@ struct HapticConfig {
   std::string name;  ///< "haptic0"
   double rate_hz = 1000.0;
   LoopClock clock = LoopClock::kTimer;
-  std::string method;  ///< A row of rendering/registry.cpp.
+  std::string method;               ///< A row of rendering/registry.cpp.
+  rtbus::config::LinkConfig wire;   ///< Form of the method, and how packets go to physics.
+  double prediction_periods = 0.0;  ///< Horizon of eq. (4), in physics steps.
+  double proxy_mass_kg = 0.1;       ///< In the world; read by laws that simulate the proxy themselves.
   double stiffness_requested_n_per_m = 0.0;
   double stiffness_n_per_m = 0.0;  ///< Rendered: lowered to what device and rate allow.
   double damping_requested_n_s_per_m = 0.0;

@@ -46,7 +46,7 @@ Eigen::Vector3d Passivity::control(const Eigen::Vector3d& force_n, const Eigen::
                                    bool& acted) noexcept {
   acted = false;
   const double speed_squared = velocity_m_s.squaredNorm();
-  if (ledger_j_ >= 0.0 || speed_squared <= 0.0) return force_n;
+  if (!config_.control || ledger_j_ >= 0.0 || speed_squared <= 0.0) return force_n;
   // α = −E/(T·v²) would settle the debt within this tick; the ceiling spreads it when v is small.
   const double damping = std::min(-ledger_j_ / (dt_s * speed_squared), config_.damping_max_n_s_per_m);
   dissipated_j_ += damping * speed_squared * dt_s;

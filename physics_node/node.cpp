@@ -12,6 +12,7 @@
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/pacer.hpp"
+#include "rtbus/packet_pipe.hpp"
 #include "rtbus/publication.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/subscription.hpp"
@@ -24,6 +25,7 @@ constexpr int kInfoEvery = 50;                                 // 1 Hz
 constexpr double kKeepsUp = 0.97;                              // of real time; less is worth a warning
 constexpr int kWarnAgainAfter = 50;                            // statistics: 10 s
 constexpr std::uint64_t kLongestNapNs = 20 * rtbus::kNsPerMs;  // a stop waits no longer than this
+constexpr std::uint64_t kPacketNapNs = rtbus::kNsPerMs / 4;    // between two looks for a packet on the bus
 
 template <std::size_t N>
 void set_text(rtbus::Text<N>& out, std::string_view text) {
@@ -40,6 +42,7 @@ struct Node::Topics {
   rtbus::Publication<rtbus::NodeInfo> node_info;
   std::vector<rtbus::Publication<rtbus::ProxyState>> proxy_states;                        // one per haptic node
   std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
+  std::vector<rtbus::PacketPipe> pipes{};  // likewise with `link: pipe`, else empty
 
   /// Finds the haptic nodes, and makes anew what somebody has deleted.
   void maintain() noexcept {
@@ -98,8 +101,18 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   if (failed.empty()) failed = node->contact_topics_.open();
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
+  std::vector<rtbus::PacketPipe> pipes;
+  if (settings.proxies.front().wire.pipe) {
+    for (const ProxyConfig& proxy : settings.proxies) {
+      auto pipe = rtbus::PacketPipe::serve(settings.session, proxy.device);
+      if (!pipe) return rtbus::Failure{NodeFault{"physics: pipe for " + proxy.device + ": " + pipe.error()}};
+      pipes.push_back(std::move(*pipe));
+    }
+  }
+
   node->topics_ = std::make_unique<Topics>(
       Topics{std::move(*heartbeat), std::move(*step_stats), std::move(*node_info), std::move(proxy_states)});
+  node->topics_->pipes = std::move(pipes);
   for (const ProxyConfig& proxy : settings.proxies) {
     node->topics_->device_states.push_back(
         std::make_unique<rtbus::Subscription<rtbus::DeviceState>>(settings.session, proxy.device + ".device_state"));
@@ -151,11 +164,16 @@ std::string Node::left_out() const {
   return text;
 }
 
-void Node::read_devices() noexcept {
+bool Node::read_devices() noexcept {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
+  bool first_has_news = false;
   for (std::size_t i = 0; i < heard_ns_.size(); ++i) {
     rtbus::Stamped<rtbus::DeviceState> sample;
-    if (topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh) {
+    const bool news = topics_->pipes.empty()
+                          ? topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh
+                          : topics_->pipes[i].receive_newest(i == 0 ? now_ns + kLongestNapNs : now_ns, sample);
+    if (news) {
+      first_has_news = first_has_news || i == 0;
       stepper_->set_device(i, sample.value, sample.sequence);
       heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
     }
@@ -164,6 +182,15 @@ void Node::read_devices() noexcept {
       heard_ns_[i] = 0;
     }
   }
+  return first_has_news;
+}
+
+bool Node::wait_for_packet() noexcept {
+  while (!stop_steps_.load(std::memory_order_acquire)) {
+    if (read_devices()) return true;
+    if (topics_->pipes.empty()) rtbus::sleep_until(rtbus::monotonic_ns() + kPacketNapNs);
+  }
+  return false;
 }
 
 void Node::publish_answers(std::uint64_t compute_ns) noexcept {
@@ -172,6 +199,8 @@ void Node::publish_answers(std::uint64_t compute_ns) noexcept {
     rtbus::ProxyState state = stepper_->answer(i);
     state.step_compute_s = static_cast<double>(compute_ns) * 1e-9;
     topics_->proxy_states[i].publish(state, now_ns);
+    if (!topics_->pipes.empty())
+      (void)topics_->pipes[i].send(rtbus::Stamped<rtbus::ProxyState>{steps_ + 1, now_ns, state});
   }
   contact_topics_.publish(*stepper_, now_ns);
   last_compute_ns_.store(compute_ns, std::memory_order_relaxed);
@@ -233,10 +262,31 @@ void Node::step_freely() noexcept {
 
 void Node::step_thread() noexcept {
   rtbus::name_this_thread("physics_step");
-  if (config_.physics.pace == Pace::kFree) {
+  if (config_.physics.packet_rate_hz) {
+    step_on_packets();
+  } else if (config_.physics.pace == Pace::kFree) {
     step_freely();
   } else {
     step_on_time();
+  }
+}
+
+void Node::step_on_packets() noexcept {
+  const double step_s = config_.physics.step_s();
+  const bool throttled = config_.physics.throttle_hz.has_value();
+  std::uint64_t first_ns = 0;
+  while (wait_for_packet()) {
+    const std::uint64_t began_ns = rtbus::monotonic_ns();
+    if (first_ns == 0) first_ns = began_ns - period_ns();
+    stepper_->step(step_s);
+    const std::uint64_t ended_ns = rtbus::monotonic_ns();
+    const bool late = ended_ns > began_ns + period_ns();
+    if (throttled && !sleep_unless_stopped(began_ns + period_ns())) break;
+    publish_answers(ended_ns - began_ns);
+    // Without a packet no step is due.
+    const std::uint64_t due = steps_.load(std::memory_order_relaxed) + 1;
+    count_step(ended_ns - began_ns, due, rtbus::seconds_between(first_ns, rtbus::monotonic_ns()), late);
+    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
   }
 }
 

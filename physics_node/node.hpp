@@ -34,6 +34,10 @@ struct NodeFault {
 /// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
 /// engine would deliver it.
 ///
+/// `step_on: packet` (the paper's server): no clock. The step thread waits until the first haptic node has sent a
+/// packet, steps once, and publishes at once, or, throttled, when the period of the throttle is over. Over the bus it
+/// looks for a packet every 0.25 ms, for nobody is woken by a realtime loop; at a pipe it blocks.
+///
 /// Free clock: steps back to back. Each advances the time since the step before it began, so simulated time follows the
 /// wall clock at whatever rate the engine manages. A step is never longer than 1/rate_hz, for which the scene was made:
 /// an engine slower than that falls behind the wall clock, and the step counts as late. Nor is it shorter than
@@ -65,7 +69,10 @@ class Node {
   void step_freely() noexcept;
   void count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s, bool late) noexcept;
   void beat_thread() noexcept;
-  void read_devices() noexcept;
+  void step_on_packets() noexcept;
+  /// Takes the newest state of each device. @returns whether the first one had news.
+  bool read_devices() noexcept;
+  [[nodiscard]] bool wait_for_packet() noexcept;
   void publish_answers(std::uint64_t compute_ns) noexcept;
   [[nodiscard]] std::string left_out() const;
   [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;

@@ -1,5 +1,6 @@
 #include "physics_node/node_config.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <string_view>
 
@@ -26,16 +27,22 @@ int haptic_core(rtbus::config::HapticEntry& entry) {
 
 int PhysicsConfig::parts_per_step() const noexcept {
   // 1000 / 18 parts are 56, 1000 / 50 are 20: the small allowance keeps rounding from making them 21.
-  const double periods = throttle_hz ? std::ceil(rate_hz / *throttle_hz - 1e-9) : 1.0;
+  const double periods = std::max(1.0, std::ceil(rate_hz / steps_per_s() - 1e-9));
   return static_cast<int>(periods) * substeps;
+}
+
+double PhysicsConfig::steps_per_s() const noexcept {
+  const double wanted = packet_rate_hz.value_or(rate_hz);
+  return throttle_hz ? std::min(*throttle_hz, wanted) : wanted;
 }
 
 const char* PhysicsConfig::clock() const noexcept {
   if (pace == Pace::kFree) return "free";
+  if (packet_rate_hz) return "packets";
   return throttle_hz ? "throttled" : "fixed";
 }
 
-PhysicsConfig read_physics_config(Map& map) {
+PhysicsConfig read_physics_config(Map& map, const rtbus::config::LinkConfig& wire) {
   PhysicsConfig config;
   config.engine = map.choice("engine", engine_names(), config.engine);
   if (map.choice("pace", {"fixed", "free"}, "fixed") == "free") config.pace = Pace::kFree;
@@ -51,9 +58,20 @@ PhysicsConfig read_physics_config(Map& map) {
   if (config.throttle_hz && config.pace == Pace::kFree) {
     map.fail("throttle_hz", "slows the steps down, which pace: free lets run; leave out one of them");
   }
-  const double periods = config.throttle_hz ? config.rate_hz / *config.throttle_hz : 1.0;
-  if (periods * config.substeps > kMaxPartsPerStep) {
-    map.fail("substeps", "cuts each throttled step into more than 100000 parts; lower substeps or rate_hz");
+  const bool on_packet = map.choice("step_on", {"clock", "packet"}, wire.paper ? "packet" : "clock") == "packet";
+  if (on_packet && config.pace == Pace::kFree) {
+    map.fail("pace", "lets steps run back to back, and step_on: packet lets them wait; use step_on: clock with it");
+  }
+  if (on_packet && !wire.rate_hz) {
+    map.fail("step_on", "needs to know how many packets come: give the first haptic entry a link_rate_hz");
+  }
+  if (wire.pipe && !on_packet) {
+    map.fail("step_on", "does not go with link: pipe, at which physics waits for packets; use packet");
+  }
+  if (on_packet) config.packet_rate_hz = wire.rate_hz;
+  const double parts = std::max(1.0, config.rate_hz / config.steps_per_s()) * config.substeps;
+  if (parts > kMaxPartsPerStep) {
+    map.fail("substeps", "cuts each step into more than 100000 parts; lower substeps or rate_hz");
   }
   map.finish();
   return config;
@@ -62,6 +80,7 @@ PhysicsConfig read_physics_config(Map& map) {
 ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
   ProxyConfig config;
   config.device = entry.name;
+  config.wire = rtbus::config::read_link_config(entry.map);
   bool has_stiffness = false;
   if (auto proxy = entry.map.optional_map("proxy")) {
     config.mass_kg = proxy->number("mass_kg", {0.001, 100.0}, config.mass_kg);
@@ -93,10 +112,14 @@ NodeConfig read_node_config(rtbus::config::SessionConfig& session) {
                                ": the session has no physics map, so there is nothing to simulate; add "
                                "'physics: {engine: analytic}' or start the haptic node alone");
   }
-  NodeConfig config{session.session, session.scene, read_physics_config(*session.physics), {}, {}, session.file};
+  NodeConfig config{session.session, session.scene, {}, {}, {}, session.file};
+  config.physics = read_physics_config(*session.physics, rtbus::config::read_link_config(session.haptic.at(0).map));
   for (rtbus::config::HapticEntry& entry : session.haptic) {
     config.proxies.push_back(read_proxy_config(entry));
     config.haptic_cores.push_back(haptic_core(entry));
+    if (config.proxies.back().wire.pipe != config.proxies.front().wire.pipe) {
+      entry.map.fail("link", "differs from that of the first haptic entry; physics serves all by pipe or none");
+    }
   }
   return config;
 }

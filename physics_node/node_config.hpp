@@ -11,6 +11,7 @@
 
 #include "physics_node/engine_module.hpp"
 #include "rtbus/config/document.hpp"
+#include "rtbus/config/link.hpp"
 #include "rtbus/config/session.hpp"
 
 namespace physics {
@@ -31,13 +32,17 @@ struct PhysicsConfig {
   double rate_hz = 1000.0;  ///< Steps per second; throttled: 1/rate_hz is the longest part of a step; free: step.
   std::optional<double> throttle_hz;       ///< Imitates a machine that manages only so many steps per second.
   int substeps = 1;                        ///< Equal parts that each 1/rate_hz of simulated time is cut into.
+  /// `step_on: packet`: no clock; each packet of the first haptic node, so many per second, makes a step.
+  std::optional<double> packet_rate_hz;
   int solver_iterations = 10;              ///< Of an engine that solves contacts by iteration; analytic does not.
   bool contacts_always = false;            ///< Publish contact constraints also when no force law asks for them.
   std::optional<double> contact_radius_m;  ///< How far around the proxy they reach; none: Stepper::contact_radius_m().
 
   [[nodiscard]] EngineSettings engine_settings() const noexcept { return {solver_iterations}; }
   /// Simulated time of one step, which is also the period in which it happens; pace free: the longest [s].
-  [[nodiscard]] double step_s() const noexcept { return 1.0 / throttle_hz.value_or(rate_hz); }
+  [[nodiscard]] double step_s() const noexcept { return 1.0 / steps_per_s(); }
+  /// Declared rate of the steps: the throttle's, the packets', or rate_hz.
+  [[nodiscard]] double steps_per_s() const noexcept;
   /// Parts that one step is cut into.
   [[nodiscard]] int parts_per_step() const noexcept;
   [[nodiscard]] const char* clock() const noexcept;  ///< "fixed", "throttled" or "free", as NodeInfo says it.
@@ -53,6 +58,7 @@ struct ProxyConfig {
   std::optional<double> damping_n_s_per_m;  ///< At the device; none: kDefaultDampingRatio on the proxy's mass.
   double lead_steps = 0.0;  ///< The proxy is pulled to where the device will be so many steps later, at its velocity.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP until the device first speaks.
+  rtbus::config::LinkConfig wire;                        ///< Form of the method; how packets come.
 };
 
 struct NodeConfig {
@@ -65,10 +71,11 @@ struct NodeConfig {
 };
 
 /// Reads and finishes the `physics` map. Throws rtbus::config::Error.
-[[nodiscard]] PhysicsConfig read_physics_config(rtbus::config::Map& map);
+/// @param wire Of the first haptic entry: with the paper's form, physics steps on packets unless told otherwise.
+[[nodiscard]] PhysicsConfig read_physics_config(rtbus::config::Map& map, const rtbus::config::LinkConfig& wire = {});
 
-/// Reads `proxy`, and of `coupling` the stiffness. Leaves the rest of the entry, and its finish(), to the haptic node's
-/// reader. Throws rtbus::config::Error.
+/// Reads `proxy`, the keys of the link, and of `coupling` the stiffness. Leaves the rest of the entry, and its
+/// finish(), to the haptic node's reader. Throws rtbus::config::Error.
 [[nodiscard]] ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry);
 
 /// All of it. A program that checks a whole session calls this and haptic::read_haptic_config() for each entry, in any

@@ -17,7 +17,8 @@ rtbus::Vec3 array_of(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 bool usable(const rtbus::DeviceState& device) {
   return vector_of(device.target_position_m).allFinite() && vector_of(device.target_velocity_m_s).allFinite() &&
          std::isfinite(device.position_scale) && device.position_scale > 0.0 && std::isfinite(device.force_scale) &&
-         device.force_scale > 0.0;
+         device.force_scale > 0.0 && std::isfinite(device.hand_stiffness_n_per_m) &&
+         std::isfinite(device.hand_damping_n_s_per_m) && std::isfinite(device.prediction_periods);
 }
 
 }  // namespace
@@ -48,6 +49,10 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
       link.config.damping_n_s_per_m
           ? *link.config.damping_n_s_per_m * to_world
           : 2.0 * kDefaultDampingRatio * std::sqrt(link.target.stiffness_n_per_m * link.config.mass_kg);
+
+  link.hand_stiffness_n_per_m = device.hand_stiffness_n_per_m * to_world;
+  link.hand_damping_n_s_per_m = device.hand_damping_n_s_per_m * to_world;
+  link.prediction_periods = device.prediction_periods;
 
   const bool begins = link.silent || device.mapping_epoch != link.mapping_epoch || device.enabled == 0;
   link.connected = true;
@@ -84,6 +89,10 @@ void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts&
 
 void Stepper::step(double dt_s, int substeps) {
   const double h = dt_s / substeps;
+  for (std::size_t i = 0; i < links_.size(); ++i) {
+    const Link& link = links_[i];
+    if (link.connected && !link.silent && link.config.wire.paper) world_->set_proxy_target(i, explicit_spring(i));
+  }
   for (Link& link : links_) {
     link.coupling_force_n.setZero();
     link.contact_force_n.setZero();
@@ -96,7 +105,7 @@ void Stepper::step(double dt_s, int substeps) {
   for (int part = 1; part <= substeps; ++part) {
     for (std::size_t i = 0; i < links_.size(); ++i) {
       const Link& link = links_[i];
-      if (!link.connected || link.silent) continue;
+      if (!link.connected || link.silent || link.config.wire.paper) continue;
       ProxyTarget target = link.target;
       target.position_m = end_of(link);
       if (!link.enabled) target.velocity_m_s.setZero();  // nothing may drag a proxy that nobody feels
@@ -132,6 +141,7 @@ rtbus::ProxyState Stepper::answer(std::size_t proxy) const {
   state.angular_velocity_rad_s = array_of(readout.angular_velocity_rad_s);
   state.coupling_force_n = array_of(link.coupling_force_n);
   state.contact_force_n = array_of(link.contact_force_n);
+  state.hand_force_n = array_of(hand_force_n(link, readout));
   state.step_s = step_s_;
   state.device_sequence = link.device_sequence;
   state.device_time_ns = link.device_time_ns;
@@ -139,6 +149,25 @@ rtbus::ProxyState Stepper::answer(std::size_t proxy) const {
   state.contacts = link.contacts;
   state.mapping_epoch = link.mapping_epoch;
   return state;
+}
+
+ProxyTarget Stepper::explicit_spring(std::size_t proxy) const {
+  const Link& link = links_[proxy];
+  const ProxyReadout now = world_->proxy(proxy);
+  ProxyTarget held;
+  held.position_m = link.target.position_m;
+  held.force_n = link.target.stiffness_n_per_m * (link.target.position_m - now.position_m) -
+                 link.target.damping_n_s_per_m * now.velocity_m_s;
+  return held;
+}
+
+Vector3d Stepper::hand_force_n(const Link& link, const ProxyReadout& readout) const {
+  if (!link.enabled || link.silent) return Vector3d::Zero();
+  const Vector3d ahead_m = link.prediction_periods * step_s_ * readout.velocity_m_s;
+  const Vector3d stretch_m = readout.position_m + ahead_m - link.target.position_m;
+  const Vector3d speed_m_s =
+      link.config.wire.paper ? readout.velocity_m_s : Vector3d(link.target.velocity_m_s - readout.velocity_m_s);
+  return link.hand_stiffness_n_per_m * stretch_m - link.hand_damping_n_s_per_m * speed_m_s;
 }
 
 void Stepper::rebase(std::size_t proxy) {

@@ -17,7 +17,14 @@ namespace physics {
 ///
 /// Gains are configured at the device. In the world they are K·force_scale/position_scale, and the damping likewise,
 /// with the scales that came with the device state; a damping that follows from the damping ratio is 2ζ√(K_world·mass).
-/// One thread.
+/// Form of the method (ProxyConfig::wire.paper). Improved: the engine solves the spring implicitly, the damper acts on
+/// the velocity relative to the hand, the target moves during the step. Paper (He & Choi 2013, section III): the force
+/// of the spring is computed once, at the step's beginning, F = K(P_h − P_p) − B·V_p with the absolute velocity, and
+/// held over the step: an explicit spring, which diverges when h²·K or h·B of the whole step is large against the mass.
+///
+/// A device that orders it (DeviceState::hand_stiffness_n_per_m …) also gets the force on the hand, eq. (3) and (4):
+/// K(P_p + n·h·V_p − P_h) − B·V_p with n = prediction_periods; in the improved form the damper is relative, B(V_p −
+/// V_h). One thread.
 class Stepper {
  public:
   Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps);
@@ -85,7 +92,12 @@ class Stepper {
     std::uint32_t mapping_epoch = 0;
     std::uint64_t device_sequence = 0;
     std::uint64_t device_time_ns = 0;
+    double hand_stiffness_n_per_m = 0.0;  // the order, in the world
+    double hand_damping_n_s_per_m = 0.0;
+    double prediction_periods = 0.0;
   };
+  [[nodiscard]] ProxyTarget explicit_spring(std::size_t proxy) const;
+  [[nodiscard]] Eigen::Vector3d hand_force_n(const Link& link, const ProxyReadout& readout) const;
   void rebase(std::size_t proxy);
 
   std::unique_ptr<World> world_;

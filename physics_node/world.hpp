@@ -31,6 +31,8 @@ struct ProxyTarget {
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_WT: the damper acts on the relative velocity.
   double stiffness_n_per_m = 0.0;  ///< In the world (device stiffness · force_scale / position_scale).
   double damping_n_s_per_m = 0.0;  ///< In the world, likewise.
+  /// Besides the spring: constant over the step, whatever the proxy does meanwhile (an explicit spring, `form: paper`).
+  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();
 };
 
 /// What became of the proxy in the last step.
@@ -39,7 +41,7 @@ struct ProxyReadout {
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
   Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
-  Eigen::Vector3d coupling_force_n = Eigen::Vector3d::Zero();  ///< By the spring, mean over the step.
+  Eigen::Vector3d coupling_force_n = Eigen::Vector3d::Zero();  ///< By the spring and the force, mean over the step.
   Eigen::Vector3d contact_force_n = Eigen::Vector3d::Zero();   ///< By the bodies, mean over the step.
   std::uint32_t contacts = 0;
 };

@@ -27,6 +27,9 @@ struct DeviceState {
   Quat target_orientation_wxyz{1, 0, 0, 0};  ///< q_WT.
   double position_scale = 1.0;               ///< Metres of world per metre of device.
   double force_scale = 1.0;                  ///< Newtons in the world per newton at the device.
+  double hand_stiffness_n_per_m = 0.0;       ///< Order for ProxyState::hand_force_n: K at the device; 0: none is wanted.
+  double hand_damping_n_s_per_m = 0.0;       ///< Likewise B.
+  double prediction_periods = 0.0;           ///< Likewise: how many steps ahead the proxy is taken (eq. 4); 0: eq. (3).
   std::uint64_t sample_time_ns = 0;          ///< When the device measured the pose.
   std::uint32_t buttons = 0;                 ///< Bit i: button i.
   std::uint32_t mapping_epoch = 0;           ///< Grows when the mapping is re-based and each time forces are enabled.
@@ -45,6 +48,7 @@ struct ProxyState {
   Vec3 angular_velocity_rad_s{};      ///< ω_WP.
   Vec3 coupling_force_n{};            ///< On the proxy by its spring to the device, in W, mean over the step.
   Vec3 contact_force_n{};             ///< On the proxy by the world, in W, mean over the step.
+  Vec3 hand_force_n{};                ///< On the hand, as physics made it (eq. 3, 4), in W; zero unless ordered.
   double step_s = 0.0;                ///< Simulated time this step advanced.
   double step_compute_s = 0.0;        ///< Time the engine took for it.
   std::uint64_t device_sequence = 0;  ///< The DeviceState this step answers; 0: none yet.
@@ -185,6 +189,9 @@ struct SampleTraits<DeviceState> {
                                       RTBUS_FIELD(T, target_orientation_wxyz, "1"),
                                       RTBUS_FIELD(T, position_scale, "m/m"),
                                       RTBUS_FIELD(T, force_scale, "N/N"),
+                                      RTBUS_FIELD(T, hand_stiffness_n_per_m, "N/m"),
+                                      RTBUS_FIELD(T, hand_damping_n_s_per_m, "N.s/m"),
+                                      RTBUS_FIELD(T, prediction_periods, "1"),
                                       RTBUS_FIELD(T, sample_time_ns, "ns"),
                                       RTBUS_FIELD(T, buttons, "bits"),
                                       RTBUS_FIELD(T, mapping_epoch, "1"),
@@ -199,10 +206,10 @@ struct SampleTraits<ProxyState> {
       RTBUS_FIELD(T, position_m, "m"),       RTBUS_FIELD(T, velocity_m_s, "m/s"),
       RTBUS_FIELD(T, orientation_wxyz, "1"), RTBUS_FIELD(T, angular_velocity_rad_s, "rad/s"),
       RTBUS_FIELD(T, coupling_force_n, "N"), RTBUS_FIELD(T, contact_force_n, "N"),
-      RTBUS_FIELD(T, step_s, "s"),           RTBUS_FIELD(T, step_compute_s, "s"),
-      RTBUS_FIELD(T, device_sequence, "1"),  RTBUS_FIELD(T, device_time_ns, "ns"),
-      RTBUS_FIELD(T, step_index, "1"),       RTBUS_FIELD(T, contacts, "1"),
-      RTBUS_FIELD(T, mapping_epoch, "1")};
+      RTBUS_FIELD(T, hand_force_n, "N"),     RTBUS_FIELD(T, step_s, "s"),
+      RTBUS_FIELD(T, step_compute_s, "s"),   RTBUS_FIELD(T, device_sequence, "1"),
+      RTBUS_FIELD(T, device_time_ns, "ns"),  RTBUS_FIELD(T, step_index, "1"),
+      RTBUS_FIELD(T, contacts, "1"),         RTBUS_FIELD(T, mapping_epoch, "1")};
 };
 template <>
 struct SampleTraits<Heartbeat> {
@@ -329,8 +336,8 @@ struct SampleTraits<PlantState> {
                                       RTBUS_FIELD(T, buttons, "bits"),          RTBUS_FIELD(T, timed_out, "bool")};
 };
 
-static_assert(sizeof(DeviceState) == 200 && Sample<DeviceState>);
-static_assert(sizeof(ProxyState) == 200 && Sample<ProxyState>);
+static_assert(sizeof(DeviceState) == 224 && Sample<DeviceState>);
+static_assert(sizeof(ProxyState) == 224 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 536 && Sample<NodeInfo>);
 static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);

@@ -28,11 +28,10 @@ Action add_virtual_device(CLI::App& command);
 Action add_bench(CLI::App& command);
 Action add_still(CLI::App& command);
 Action add_stream(CLI::App& command);
-#if RTBUS_WITH_HDF5
+// In builds with HDF5:
 Action add_record(CLI::App& command);
 Action add_mark(CLI::App& command);
 Action add_export(CLI::App& command);
 Action add_plot(CLI::App& command);
-#endif
 
 }  // namespace tools

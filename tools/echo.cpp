@@ -75,8 +75,9 @@ class Echo {
 
  private:
   bool open(bool from_oldest) {
-    auto reader = rtbus::RawReader::open(choice_.session, choice_.topic,
-                                         {.from_oldest = from_oldest, .trust = rtbus::OwnerTrust::kAnyone});
+    auto reader =
+        rtbus::RawReader::open(choice_.session, choice_.topic,
+                               {.presence = true, .from_oldest = from_oldest, .trust = rtbus::OwnerTrust::kAnyone});
     if (!reader) {
       error_ = reader.error();
       return false;

@@ -56,9 +56,9 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
       evaluate_overhead(overhead, experiment);
     } else {
       DropOptions drop;
-      drop.session_file = options.config.empty() ? find_session("drop.yaml") : options.config;
+      drop.session_file = options.config.empty() ? find_session("drop_paper.yaml") : options.config;
       drop.assignments = options.assignments;
-      drop.real_runs = options.quick ? 1 : 3;
+      drop.real_runs = options.quick ? 1 : 5;
       evaluate_drop(drop, experiment);
     }
     return experiment.finish(options.json);
@@ -77,7 +77,7 @@ Action add_evaluate(CLI::App& command) {
   auto options = std::make_shared<EvaluateOptions>();
   command
       .add_option("experiment", options->experiment,
-                  "drop: free fall onto a wall (paper, Fig. 8); faults: what the hand feels when something dies; "
+                  "drop: free fall onto a wall (paper, Figs 8 to 11); faults: what the hand feels when something dies; "
                   "overhead: what each optional part costs")
       ->required()
       ->check(CLI::IsMember({"drop", "faults", "overhead"}));

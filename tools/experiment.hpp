@@ -11,7 +11,7 @@ namespace tools {
 
 /// A figure held against its bar.
 struct Check {
-  std::string id;    ///< "drop.direct.settling"
+  std::string id;    ///< "drop.fig8_direct.real.settling"
   std::string what;  ///< For people.
   double value = 0.0;
   std::string unit;

@@ -72,7 +72,7 @@ int finish(const HzOptions& options, const Choice& choice, const IntervalStats& 
 }
 
 int measure(const HzOptions& options, const Choice& choice) {
-  const rtbus::ReaderOptions reader_options{.trust = rtbus::OwnerTrust::kAnyone};
+  const rtbus::ReaderOptions reader_options{.presence = true, .trust = rtbus::OwnerTrust::kAnyone};
   auto reader = rtbus::RawReader::open(choice.session, choice.topic, reader_options);
   if (!reader) {
     std::cerr << "rtbus hz: " << choice.session.name << " " << choice.topic << ": " << rtbus::to_string(reader.error())
@@ -96,8 +96,8 @@ int measure(const HzOptions& options, const Choice& choice) {
     } else if (reader->replaced()) {
       // The writer was started anew, or has made its topic anew: go on with the new segment. A writer that does the
       // latter writes both for a while: count each sample once.
-      auto opened = rtbus::RawReader::open(choice.session, choice.topic,
-                                           {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
+      auto opened = rtbus::RawReader::open(
+          choice.session, choice.topic, {.presence = true, .from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
       if (opened) {
         counted_until_ns = reader->stamp_ns();
         reader = std::move(opened);

@@ -83,8 +83,7 @@ void LiveError::compare(const rtbus::Telemetry& tick, const rtbus::ProxyState& b
   input.proxy.period_s = dt_s_;
   input.proxy.position_m = mapping_.position_to_device(between(before.position_m, after.position_m, share));
   input.proxy.velocity_m_s = mapping_.velocity_to_device(between(before.velocity_m_s, after.velocity_m_s, share));
-  input.proxy.server_force_n =
-      -mapping_.force_to_device(between(before.coupling_force_n, after.coupling_force_n, share));
+  input.proxy.server_force_n = mapping_.force_to_device(between(before.hand_force_n, after.hand_force_n, share));
   const haptic::RenderOutput reference = law_->render(input);
   force_n_.add((to_vector(tick.rendered_force_n) - reference.force_n).norm());
   position_m_.add((to_vector(tick.proxy_position_m) - reference.proxy_position_m).norm());

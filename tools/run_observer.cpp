@@ -33,8 +33,10 @@ HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::Hapt
       proxies_(session, "physics.proxy_state." + config.name) {
   const haptic::RendererEntry* const law = haptic::find_renderer(config.method);
   if (law == nullptr || !law->needs_physics) return;
+  // A reference is the law without delay: of interpolation the force itself, without ramp (one cycle in improved form).
   const auto make_law = [&](const haptic::Mapping& mapping) {
-    return law->make({config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes});
+    return law->make({config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes,
+                      config.wire.paper && law->server_force == haptic::ServerForce::kNone, config.proxy_mass_kg});
   };
   error_.emplace(config.mapping, make_law, static_cast<double>(config.period_ns()) * 1e-9, config.clutch_button < 0);
 }

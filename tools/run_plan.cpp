@@ -1,5 +1,10 @@
 #include "tools/run_plan.hpp"
 
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "haptic_node/rendering/registry.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/ask_kernel.hpp"
@@ -17,8 +22,15 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   plan.scene = config.scene.name;
   plan.supervise = config.supervise;
   plan.world = config.scene;
-  if (config.physics) plan.physics = physics::read_node_config(config);
+  std::optional<physics::NodeConfig> physics;
+  if (config.physics) physics = physics::read_node_config(config);
   for (std::size_t i = 0; i < config.haptic.size(); ++i) plan.haptic.push_back(haptic::read_haptic_config(config, i));
+
+  // A physics that no method asks is left out, though its keys have been checked.
+  const bool asked = std::any_of(plan.haptic.begin(), plan.haptic.end(), [](const haptic::HapticConfig& each) {
+    return haptic::find_renderer(each.method)->needs_physics;
+  });
+  if (asked) plan.physics = std::move(physics);
 
   const std::string folder = folder_of_this_program();
   const auto child = [&](std::string name, Stage stage, const char* program, std::vector<std::string> arguments) {

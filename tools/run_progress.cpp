@@ -37,7 +37,14 @@ void RunProgress::show(double elapsed_s, double total_s, const std::string& figu
   std::string line = total_s > 0.0
                          ? bar_text(elapsed_s / total_s) + " " + fixed(elapsed_s, 0) + " of " + fixed(total_s, 0) + " s"
                          : fixed(elapsed_s, 0) + " s, Ctrl-C ends";
-  line += figures;
+  draw(line + figures);
+}
+
+void RunProgress::show_share(double share, const std::string& what) {
+  if (bar_) draw(bar_text(share) + " " + what);
+}
+
+void RunProgress::draw(std::string line) {
   line.resize(std::min(line.size(), terminal_width() - 1));
   std::fprintf(stderr, "\r\033[K%s", line.c_str());
   std::fflush(stderr);

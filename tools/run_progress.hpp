@@ -21,6 +21,9 @@ class RunProgress {
   /// Draws the line anew. @param total_s 0: runs until somebody ends it. @param figures "haptic0 1000 Hz 0.41 N".
   void show(double elapsed_s, double total_s, const std::string& figures);
 
+  /// The same for work that is counted and not timed. @param share 0…1.
+  void show_share(double share, const std::string& what);
+
   void clear();
 
   [[nodiscard]] bool has_bar() const noexcept { return bar_; }
@@ -29,6 +32,7 @@ class RunProgress {
   [[nodiscard]] static std::string bar_text(double share);
 
  private:
+  void draw(std::string line);
   bool bar_;
   bool log_;
   bool drawn_ = false;

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <fstream>
 #include <optional>
+#include <variant>
 
 #include "tools/gnuplot.hpp"
 #include "tools/run_program.hpp"
@@ -60,12 +61,16 @@ constexpr const char* kPanel = "fc rgb '#28ffffff' fs solid noborder";
 const std::string kDark = "tc rgb '#202020'";
 
 /// A length on the ground in front of the scene, along the picture's lower edge.
-void add_scale_bar(Overlay& over, const StillLayout& layout, double y) {
+void add_scale_bar(Overlay& over, const rtbus::config::Scene& scene, const StillLayout& layout, double y) {
   const double px_per_m = layout.camera.px_per_m(layout.camera.look_at_m);
   double length_m = round_up_nicely(170.0 / px_per_m);
   const double x1 = layout.camera.width_px - 40.0, x0 = x1 - length_m * px_per_m;
   over.line(x0, y, x1, y, "heads size first 8,90 lw 2.5 lc rgb '#202020'");
   over.label(0.5 * (x0 + x1), y + 24.0, length_text(length_m) + " at the middle", 14, "center " + kDark);
+  const bool ground = std::any_of(scene.bodies.begin(), scene.bodies.end(), [](const auto& body) {
+    return std::holds_alternative<rtbus::shapes::Plane>(body.shape);
+  });
+  if (!ground) return;
   over.label(x1, y - 28.0, "ground: squares of " + length_text(layout.grid_m), 14, "right " + kDark);
 }
 
@@ -128,7 +133,7 @@ Figure overlay(const rtbus::config::Scene& scene, const StillFrame& frame, const
     }
   }
   add_legend(over, frame, layout, 62.0);
-  add_scale_bar(over, layout, 44.0);
+  add_scale_bar(over, scene, layout, 44.0);
   Figure figure{frame.stem, "", camera.width_px, camera.height_px, false};
   figure.body = "set margins 0,0,0,0\nunset border\nunset tics\nunset key\nset xrange [0:" + format("%g", width) +
                 "]\nset yrange [0:" + format("%g", height) + "]\n" + over.body() + "plot " +

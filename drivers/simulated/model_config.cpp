@@ -59,6 +59,7 @@ void complete_info(const MechanicsParameters& m, DeviceInfo& info) {
   info.workspace_min_m = to_array(m.workspace_min_m);
   info.workspace_max_m = to_array(m.workspace_max_m);
   info.can_pace_loop = true;
+  info.simulated = true;
 }
 
 DeviceInfo parse_model_info(Map& file) {

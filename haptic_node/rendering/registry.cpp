@@ -4,7 +4,9 @@
 #include <array>
 
 #include "haptic_node/rendering/direct.hpp"
+#include "haptic_node/rendering/interpolation.hpp"
 #include "haptic_node/rendering/remote_virtual_coupling.hpp"
+#include "haptic_node/rendering/virtual_coupling.hpp"
 
 namespace haptic {
 
@@ -16,12 +18,28 @@ std::unique_ptr<Renderer> make_direct(const RendererContext& context) {
 }
 
 std::unique_ptr<Renderer> make_remote_virtual_coupling(const RendererContext& context) {
-  return std::make_unique<RemoteVirtualCoupling>(context.stiffness_n_per_m, context.damping_n_s_per_m);
+  return std::make_unique<RemoteVirtualCoupling>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.paper);
+}
+
+std::unique_ptr<Renderer> make_interpolation(const RendererContext& context) {
+  return std::make_unique<Interpolation>("interpolation", context.paper);
+}
+
+std::unique_ptr<Renderer> make_interpolation_predicted(const RendererContext& context) {
+  return std::make_unique<Interpolation>("interpolation_predicted", context.paper);
+}
+
+std::unique_ptr<Renderer> make_virtual_coupling(const RendererContext& context) {
+  return std::make_unique<VirtualCoupling>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.proxy_mass_kg,
+                                           context.paper, context.mapping, context.shapes);
 }
 
 constexpr std::array kRenderers{
     RendererEntry{"direct", false, false, &make_direct},
+    RendererEntry{"virtual_coupling", false, false, &make_virtual_coupling},
     RendererEntry{"remote_virtual_coupling", true, false, &make_remote_virtual_coupling},
+    RendererEntry{"interpolation", true, false, &make_interpolation, ServerForce::kPlain},
+    RendererEntry{"interpolation_predicted", true, false, &make_interpolation_predicted, ServerForce::kPredicted},
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 /// @file registry.hpp
 /// Force laws by their name in YAML. One row per law in registry.cpp.
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -18,6 +19,15 @@ struct RendererContext {
   double damping_n_s_per_m = 0.0;
   const Mapping& mapping;                          ///< Outlives the renderer.
   std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene, in W.
+  bool paper = false;                              ///< `form: paper`.
+  double proxy_mass_kg = 0.1;                      ///< In the world, for a law that simulates the proxy itself.
+};
+
+/// What a law orders of physics besides the proxy.
+enum class ServerForce : std::uint8_t {
+  kNone,
+  kPlain,      ///< Eq. (3).
+  kPredicted,  ///< Eq. (4).
 };
 
 struct RendererEntry {
@@ -25,6 +35,7 @@ struct RendererEntry {
   bool needs_physics;
   bool needs_contacts;  ///< Physics is asked to publish ProxyContacts (rtbus/contact_messages.hpp); else it saves the work.
   std::unique_ptr<Renderer> (*make)(const RendererContext& context);
+  ServerForce server_force = ServerForce::kNone;
 };
 
 [[nodiscard]] std::span<const RendererEntry> registered_renderers() noexcept;

@@ -18,10 +18,9 @@ struct ProxyView {
   std::uint64_t device_time_ns = 0;  ///< Of the device sample it answers.
   std::uint64_t arrived_ns = 0;      ///< Cycle time when it was first seen.
   double period_s = 0.0;             ///< Simulated time between this proxy and the one before it.
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DP: virtual object A of the paper's Fig. 5.
-  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DP.
-  Eigen::Vector3d server_force_n =
-      Eigen::Vector3d::Zero();  ///< On the hand, as physics made it: −(its coupling force).
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();      ///< p_DP: virtual object A of the paper's Fig. 5.
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();    ///< v_DP.
+  Eigen::Vector3d server_force_n = Eigen::Vector3d::Zero();  ///< On the hand, as physics made it; zero unless ordered.
 };
 
 /// What a law may look at, every tick.

@@ -40,6 +40,7 @@ void AnalyticWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
   proxy.state.position_m = clamp_each(position_m, kMaxPositionM);
   proxy.target.position_m = proxy.state.position_m;
   proxy.target.velocity_m_s.setZero();
+  proxy.target.force_n.setZero();
 }
 
 void AnalyticWorld::release_proxy(std::size_t index) {
@@ -51,13 +52,14 @@ void AnalyticWorld::release_proxy(std::size_t index) {
 void AnalyticWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) {
   Proxy& proxy = proxies_.at(index);
   if (!target.position_m.allFinite() || !target.velocity_m_s.allFinite() || !std::isfinite(target.stiffness_n_per_m) ||
-      !std::isfinite(target.damping_n_s_per_m)) {
+      !std::isfinite(target.damping_n_s_per_m) || !target.force_n.allFinite()) {
     return;
   }
   proxy.target.position_m = clamp_each(target.position_m, kMaxPositionM);
   proxy.target.velocity_m_s = clamp_each(target.velocity_m_s, kMaxVelocityMS);
   proxy.target.stiffness_n_per_m = std::clamp(target.stiffness_n_per_m, 0.0, kMaxStiffnessNPerM);
   proxy.target.damping_n_s_per_m = std::clamp(target.damping_n_s_per_m, 0.0, kMaxDampingNSPerM);
+  proxy.target.force_n = clamp_each(target.force_n, kMaxForceN);
 }
 
 void AnalyticWorld::step(double step_s) {
@@ -103,6 +105,7 @@ void AnalyticWorld::step_proxy(Proxy& proxy, double h) const {
   const double B = proxy.target.damping_n_s_per_m;
   const Vector3d& x_T = proxy.target.position_m;
   const Vector3d& v_T = proxy.target.velocity_m_s;
+  const Vector3d& F = proxy.target.force_n;
   ProxyReadout& state = proxy.state;
   const Vector3d v = state.velocity_m_s;
 
@@ -111,7 +114,7 @@ void AnalyticWorld::step_proxy(Proxy& proxy, double h) const {
 
   // Where spring and damper alone would bring it, implicitly.
   const double effective_mass_kg = m + h * B + h * h * K;
-  const Vector3d v_free = (m * v + h * (K * (x_T - x) + B * v_T)) / effective_mass_kg;
+  const Vector3d v_free = (m * v + h * (K * (x_T - x) + B * v_T + F)) / effective_mass_kg;
 
   const analytic::Mover mover{proxy.parameters.radius_m, proxy.parameters.friction};
   const analytic::SweepResult swept = analytic::sweep(shapes_, mover, x, x + h * v_free);
@@ -126,7 +129,7 @@ void AnalyticWorld::step_proxy(Proxy& proxy, double h) const {
   state.position_m = swept.end_m;
   state.velocity_m_s = v_next;
   state.contacts = swept.contacts;
-  state.coupling_force_n = K * (x_T - state.position_m) + B * (v_T - v_mean);
+  state.coupling_force_n = K * (x_T - state.position_m) + B * (v_T - v_mean) + F;
   state.contact_force_n = Vector3d::Zero();
   if (swept.contacts > 0) state.contact_force_n = m * (v_next - v) / h - state.coupling_force_n;
 }

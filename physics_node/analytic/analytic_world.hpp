@@ -14,7 +14,7 @@ namespace physics {
 /// nor each other. Bodies never move.
 ///
 /// One step of h seconds solves, in velocity, spring, damper and contacts together (implicit Euler):
-///   (m + h·B + h²·K)·v⁺ = m·v + h·(K·(x_T − x) + B·v_T) + contact impulses,   x⁺ = x + h·v⁺,
+///   (m + h·B + h²·K)·v⁺ = m·v + h·(K·(x_T − x) + B·v_T + F) + contact impulses,   x⁺ = x + h·v⁺,
 /// with non-penetration, perfectly inelastic impact, and Coulomb friction (coefficient: proxy · body) against v⁺.
 /// The left factor is a scalar, so in free air this is a division, and with contacts a projection of the free end point
 /// onto what the bodies leave free; analytic/contact_sweep.hpp does that along the path, so that no speed and no step
@@ -30,6 +30,7 @@ class AnalyticWorld final : public World {
   static constexpr double kMaxVelocityMS = 1e5;    ///< Each coordinate of a target's velocity.
   static constexpr double kMaxStiffnessNPerM = 1e8;
   static constexpr double kMaxDampingNSPerM = 1e8;
+  static constexpr double kMaxForceN = 1e6;
   static constexpr double kMinStepS = 1e-7, kMaxStepS = 10.0;
 
   explicit AnalyticWorld(std::vector<rtbus::shapes::PlacedShape> shapes);

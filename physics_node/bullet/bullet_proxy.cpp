@@ -40,24 +40,26 @@ void BulletProxy::reset(Vector3d position_m) {
   place(clamped(position_m), Vector3d::Zero());
   target_.position_m = state_.position_m;
   target_.velocity_m_s.setZero();
+  target_.force_n.setZero();
 }
 
 void BulletProxy::set_target(const ProxyTarget& target) {
   if (!target.position_m.allFinite() || !target.velocity_m_s.allFinite() || !std::isfinite(target.stiffness_n_per_m) ||
-      !std::isfinite(target.damping_n_s_per_m)) {
+      !std::isfinite(target.damping_n_s_per_m) || !target.force_n.allFinite()) {
     return;
   }
   target_.position_m = clamped(target.position_m);
   target_.velocity_m_s = clamp_each(target.velocity_m_s, kMaxVelocityMS);
   target_.stiffness_n_per_m = std::clamp(target.stiffness_n_per_m, 0.0, kMaxStiffnessNPerM);
   target_.damping_n_s_per_m = std::clamp(target.damping_n_s_per_m, 0.0, kMaxDampingNSPerM);
+  target_.force_n = clamp_each(target.force_n, kMaxForceN);
 }
 
 void BulletProxy::before_step(double h) {
   const double K = target_.stiffness_n_per_m;
   const double B = target_.damping_n_s_per_m;
   ghost_mass_kg_ = h * (h * K + B);
-  ghost_momentum_ = h * (K * (target_.position_m - state_.position_m) + B * target_.velocity_m_s);
+  ghost_momentum_ = h * (K * (target_.position_m - state_.position_m) + B * target_.velocity_m_s + target_.force_n);
   const double mass_kg = mass_kg_ + ghost_mass_kg_;
   const Vector3d v_free = (mass_kg_ * state_.velocity_m_s + ghost_momentum_) / mass_kg;
 

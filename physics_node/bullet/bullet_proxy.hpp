@@ -8,27 +8,30 @@
 
 namespace physics::bullet {
 
-/// A sphere on an implicit spring-damper. It feels no gravity (a tool that the hand lets go must not fall), does not turn
-/// (a hand holds it), never sleeps, and does not collide with other proxies.
+/// A sphere on an implicit spring-damper. It feels no gravity (a tool that the hand lets go must not fall), does not
+/// turn (a hand holds it), never sleeps, and does not collide with other proxies.
 ///
 /// The spring. Implicit Euler asks of the step of h seconds
 ///   (m + h·B + h²·K)·v⁺ = m·v + h·(K·(x_T − x) + B·v_T) + contact impulses.
 /// A ghost body of mass m_g = h·(h·K + B) and velocity v_g = (K·(x_T − x) + B·v_T)/(h·K + B) on a rigid joint at the
 /// sphere's centre is that equation, and since the joint lets neither turn the other, the two are one body of mass
-/// m + m_g and velocity (m·v + m_g·v_g)/(m + m_g). So no joint is needed: before each step the sphere gets that mass and
-/// that velocity. Bullet's contact solver then sees the effective mass and needs no iteration for the spring; in free
-/// air the result is exact to rounding.
+/// m + m_g and velocity (m·v + m_g·v_g)/(m + m_g). So no joint is needed: before each step the sphere gets that mass
+/// and that velocity. Bullet's contact solver then sees the effective mass and needs no iteration for the spring; in
+/// free air the result is exact to rounding.
 ///
-/// Newton's law holds to rounding: coupling force m_g·(v_g − v⁺)/h, and contact force m·(v⁺ − v)/h minus that.
+/// A constant force F of the target joins the ghost's momentum: m_g·v_g + h·F, with m_g = 0 when it stands alone.
+///
+/// Newton's law holds to rounding: coupling force m_g·(v_g − v⁺)/h (+ F), and contact force m·(v⁺ − v)/h minus that.
 ///
 /// Bullet finds contacts where a step begins, so a fast proxy would enter a body first and be thrown out afterwards.
-/// Continuous detection is therefore on for it: along the way that spring and damper alone would take it, the first body
-/// hit becomes a contact at its distance, before the solver runs.
+/// Continuous detection is therefore on for it: along the way that spring and damper alone would take it, the first
+/// body hit becomes a contact at its distance, before the solver runs.
 class BulletProxy {
  public:
   static constexpr double kMaxVelocityMS = 1e5;  ///< Limits beyond which finite inputs are clamped, as of analytic.
   static constexpr double kMaxStiffnessNPerM = 1e8;
   static constexpr double kMaxDampingNSPerM = 1e8;
+  static constexpr double kMaxForceN = 1e6;
   /// Bullet takes a body out of the world whose bounding box, with the way of one step, is 10⁶ units long.
   static constexpr double kMaxUnits = 1e5;
 

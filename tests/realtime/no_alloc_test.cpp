@@ -6,10 +6,13 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <ostream>
+#include <string>
 #include <vector>
 
 #include "haptic_node/bus_link.hpp"
 #include "haptic_node/loop.hpp"
+#include "haptic_node/rendering/registry.hpp"
 #include "physics_node/engine_registry.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/event_log.hpp"
@@ -28,20 +31,31 @@ TEST(AllocationTrap, CatchesWhatItShouldCatch) {
   EXPECT_GE(trap.count(), 3u);
 }
 
-class LoopOnTheBus : public testing::TestWithParam<const char*> {};
+/// A session, and the method it is run with; none: the file's own.
+struct Run {
+  const char* file;
+  const char* method;
+};
+void PrintTo(const Run& run, std::ostream* out) { *out << run.file << ' ' << run.method; }
+
+class LoopOnTheBus : public testing::TestWithParam<Run> {};
 
 TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
-  const std::string file = std::string(RTBUS_SOURCE_DIR) + "/config/" + GetParam();
-  auto settings =
-      rtbus::config::load_session(file, {rtbus::config::parse_override("session=noalloc" + std::to_string(getpid()))});
+  const std::string file = std::string(RTBUS_SOURCE_DIR) + "/config/" + GetParam().file;
+  std::vector<rtbus::config::Override> overrides{
+      rtbus::config::parse_override("session=noalloc" + std::to_string(getpid()))};
+  const std::string method = GetParam().method;
+  if (!method.empty()) overrides.push_back(rtbus::config::parse_override("haptic.0.method=" + method));
+  auto settings = rtbus::config::load_session(file, overrides);
   const haptic::HapticConfig config = haptic::read_haptic_config(settings, 0);
+  const bool loop_needs_physics = haptic::find_renderer(config.method)->needs_physics;
   auto device = config.device->open({.session = settings.session, .node_name = config.name});
   ASSERT_TRUE(device) << device.error().message;
 
   auto device_state = rtbus::Publication<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
   auto telemetry = rtbus::Publication<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
   ASSERT_TRUE(device_state && telemetry);
-  haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", settings.physics.has_value());
+  haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", loop_needs_physics, config.wire);
   haptic::Loop loop(config, **device, link, true);
   rtbus::EventLog events;
 
@@ -50,7 +64,7 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   std::optional<rtbus::Reader<rtbus::DeviceState>> hand;
   std::optional<rtbus::Writer<rtbus::ProxyState>> proxy;
   std::optional<rtbus::Writer<rtbus::Heartbeat>> beat;
-  if (settings.physics) {
+  if (loop_needs_physics) {
     stepper = std::make_unique<physics::Stepper>(
         physics::make_world("analytic", settings.scene),
         std::vector<physics::ProxyConfig>{physics::read_proxy_config(settings.haptic[0])}, 1);
@@ -105,7 +119,12 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   (*device)->stop();
 }
 
-INSTANTIATE_TEST_SUITE_P(Sessions, LoopOnTheBus, testing::Values("wall.yaml", "drop.yaml"));
+INSTANTIATE_TEST_SUITE_P(
+    Sessions, LoopOnTheBus,
+    testing::Values(Run{"wall.yaml", ""}, Run{"drop.yaml", ""}, Run{"drop.yaml", "virtual_coupling"},
+                    Run{"wall.yaml", "interpolation"}, Run{"wall.yaml", "interpolation_predicted"},
+                    Run{"drop_paper.yaml", "interpolation"}, Run{"drop_paper.yaml", "interpolation_predicted"},
+                    Run{"drop_paper.yaml", "remote_virtual_coupling"}, Run{"drop_paper.yaml", "virtual_coupling"}));
 
 }  // namespace
 #endif

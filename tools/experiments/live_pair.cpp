@@ -37,7 +37,7 @@ class LiveRun {
 
   std::optional<LiveFigures> operator()(double duration_s) {
     std::optional<LiveFigures> figures;
-    if (start() && settle(kSettle_s)) {
+    if (start() && settle(kSettle_s) && wait([&] { return simulated_long_enough(); })) {
       const auto before = cpu_s();
       const auto published = counts();
       const std::uint64_t began_ns = rtbus::monotonic_ns();
@@ -130,6 +130,14 @@ class LiveRun {
       if (!poll()) return false;
     }
     return true;
+  }
+
+  /// On a busy machine simulated time falls behind, and with it the sleep of bodies.
+  bool simulated_long_enough() {
+    if (!plays_physics()) return true;
+    auto steps = rtbus::Reader<rtbus::StepStats>::open(plan_.session, "physics.step_stats");
+    rtbus::Stamped<rtbus::StepStats> stats;
+    return steps && steps->read_latest(stats) == rtbus::ReadStatus::kFresh && stats.value.simulated_s >= kSettle_s;
   }
 
   bool settle(double seconds) {

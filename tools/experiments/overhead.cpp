@@ -191,8 +191,9 @@ void draw(const std::vector<Part>& parts, Experiment& experiment) {
     const std::string right = "$" + to;
     std::string text = std::string("set xlabel '") + label + "'\n" + range;
     text += names ? "set ytics nomirror scale 0\n" : "set format y ''\n";
-    text += "plot 'overhead.tsv' using (0):1:(0):" + c + ":($1-0.28):($1+0.28):ytic(2) with boxxyerror fs solid 0.75 " +
-            "noborder lc rgb '" + colour + "' notitle, '' using " + c + ":1:" + std::to_string(column + 1) + ":" + to +
+    text += "plot 'overhead.tsv' using (0):1:(0):" + c + ":($1-0.28):($1+0.28)" + (names ? ":ytic(2)" : "") +
+            " with boxxyerror fs solid 0.75 " + "noborder lc rgb '" + colour + "' notitle, '' using " + c +
+            ":1:" + std::to_string(column + 1) + ":" + to +
             " with xerrorbars pt 0 lw 1.5 lc rgb '#202020' notitle, '' using (" + right + " > 0 ? " + right +
             " : 0):1:(sprintf('" + pattern + "', $" + c + ")) with labels left offset 0.8,0 tc rgb '#202020' notitle\n";
     return text;

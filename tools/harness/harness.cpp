@@ -25,6 +25,8 @@ Harness::Hand::Hand(haptic::HapticConfig settings, const rtbus::config::SessionC
   auto opened = config.device->open({.session = session.session, .node_name = config.name});
   if (!opened) throw std::runtime_error(opened.error().message);
   device = std::move(*opened);
+  // Packets are sampled by the harness, at its own phase: the loop offers every tick.
+  config.wire.rate_hz.reset();
   loop = std::make_unique<haptic::Loop>(config, *device, link, false);
   if (auto started = device->start(start_ns); !started) throw std::runtime_error(started.error().message);
   next_tick_ns = start_ns + config.period_ns();
@@ -38,11 +40,11 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     needs_physics = needs_physics || haptic::find_renderer(hands_.back()->config.method)->needs_physics;
   }
   if (session.physics && needs_physics) {
-    physics_ = physics::read_physics_config(*session.physics);
-    std::vector<physics::ProxyConfig> proxies;
-    for (auto& entry : session.haptic) proxies.push_back(physics::read_proxy_config(entry));
+    physics::NodeConfig physics = physics::read_node_config(session);
+    physics_ = physics.physics;
     stepper_ = std::make_unique<physics::Stepper>(
-        physics::make_world(physics_->engine, session.scene, physics_->engine_settings()), proxies, physics_->substeps);
+        physics::make_world(physics_->engine, session.scene, physics_->engine_settings()), physics.proxies,
+        physics_->substeps);
     next_step_ns_ = kStart_ns + to_ns(options.physics_phase_s);
   }
 }

@@ -22,8 +22,10 @@ namespace tools {
 
 /// What the link between the nodes does to the data, and when physics falls silent.
 struct HarnessOptions {
-  double latency_s = 0.0;           ///< From a step's publication to its arrival at the loop.
-  double physics_phase_s = 0.0;     ///< Start of the first physics period after the start of the run.
+  double latency_s = 0.0;  ///< From a step's publication to its arrival at the loop.
+  /// Start of the first physics period after the start of the run. With `step_on: packet` the packets are sampled and
+  /// answered at these instants, as by the paper's thread, which runs beside the loop and not in step with it.
+  double physics_phase_s = 0.0;
   double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
 };

@@ -136,4 +136,16 @@ TEST(Passivity, KeepsAnActiveWallFromFeedingTheBounce) {
   EXPECT_LT(exit_speed(true), exit_speed(false) - 0.02);
 }
 
+TEST(Passivity, OnlyObservesWhenControlIsOff) {
+  PassivityConfig config = strict();
+  config.control = false;
+  Passivity passivity(config);
+  Eigen::Vector3d tip = Eigen::Vector3d::Zero();
+  move(passivity, tip, {2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
+  ASSERT_LT(passivity.ledger_j(), 0.0) << "there is a debt";
+  bool acted = true;
+  EXPECT_EQ(passivity.control({1.0, 0.0, 0.0}, {0.1, 0.0, 0.0}, 0.001, acted), Eigen::Vector3d(1.0, 0.0, 0.0));
+  EXPECT_FALSE(acted);
+}
+
 }  // namespace

@@ -1,5 +1,6 @@
 #include "physics_node/stepper.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -287,6 +288,127 @@ TEST(Stepper, IsBitIdenticalWhenRunTwice) {
     out = stepper.answer(0);
   }
   EXPECT_EQ(std::memcmp(&last[0], &last[1], sizeof last[0]), 0);
+}
+
+rtbus::DeviceState ordering(double y, double velocity_y, double stiffness, double damping, double horizon) {
+  rtbus::DeviceState device = device_at(0, y);
+  device.target_velocity_m_s = {0, velocity_y, 0};
+  device.hand_stiffness_n_per_m = stiffness;
+  device.hand_damping_n_s_per_m = damping;
+  device.prediction_periods = horizon;
+  return device;
+}
+
+TEST(StepperHandForce, IsZeroUnlessOrdered) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, device_at(0, 0.1), 1);
+  stepper.step(1e-3);
+  stepper.set_device(0, device_at(0, -0.1), 2);
+  stepper.step(1e-3);
+  EXPECT_EQ(stepper.answer(0).hand_force_n, (rtbus::Vec3{0, 0, 0}));
+}
+
+// Eq. (3): K(P_p − P_h) − B·V_p; eq. (4): the proxy at P_p + n·h·V_p. In the improved form the damper is relative.
+TEST(StepperHandForce, FollowsEquations3And4) {
+  for (const bool paper : {true, false}) {
+    for (const double horizon : {0.0, 1.3}) {
+      ProxyConfig config = proxy_config(100.0);
+      config.wire.paper = paper;
+      Stepper stepper = floor_stepper(1, config);
+      stepper.set_device(0, ordering(0.05, 0.0, 300.0, 2.0, horizon), 1);
+      stepper.step(5e-3);
+      stepper.set_device(0, ordering(0.04, -0.7, 300.0, 2.0, horizon), 2);
+      stepper.step(5e-3);
+      const rtbus::ProxyState state = stepper.answer(0);
+      const double velocity = state.velocity_m_s[1];
+      ASSERT_LT(velocity, -1e-3) << "the proxy must be moving, else the case proves little";
+      const double damped = paper ? -velocity : velocity - -0.7;
+      const double expected = 300.0 * (state.position_m[1] + horizon * 5e-3 * velocity - 0.04) + 2.0 * damped;
+      EXPECT_NEAR(state.hand_force_n[1], expected, 1e-12) << paper << horizon;
+    }
+  }
+}
+
+TEST(StepperHandForce, IsInTheWorldsScale) {
+  ProxyConfig config = proxy_config(100.0);
+  Stepper stepper = floor_stepper(1, config);
+  rtbus::DeviceState device = ordering(0.1, 0.0, 300.0, 0.0, 0.0);
+  device.position_scale = 10.0;
+  device.force_scale = 0.1;
+  stepper.set_device(0, device, 1);
+  stepper.step(1e-3);
+  device.target_position_m = {0, -0.05, 0};  // 5 mm at the device
+  stepper.set_device(0, device, 2);
+  for (int i = 0; i < 3000; ++i) stepper.step(1e-3);
+  // 300 N/m · 5 mm = 1.5 N on the hand are 0.15 N in this world.
+  EXPECT_NEAR(stepper.answer(0).hand_force_n[1], 0.15, 1e-6);
+}
+
+TEST(StepperHandForce, IsZeroWhileDisabledAndAfterSilence) {
+  Stepper stepper = floor_stepper();
+  stepper.set_device(0, ordering(0.05, 0, 300, 0, 0), 1);
+  stepper.step(1e-3);
+  stepper.set_device(0, ordering(-0.05, 0, 300, 0, 0), 2);
+  stepper.step(1e-3);
+  ASSERT_GT(stepper.answer(0).hand_force_n[1], 1.0);
+  stepper.release(0);
+  stepper.step(1e-3);
+  EXPECT_EQ(stepper.answer(0).hand_force_n, (rtbus::Vec3{0, 0, 0}));
+  rtbus::DeviceState off = ordering(-0.05, 0, 300, 0, 0);
+  off.enabled = 0;
+  stepper.set_device(0, off, 3);
+  stepper.step(1e-3);
+  EXPECT_EQ(stepper.answer(0).hand_force_n, (rtbus::Vec3{0, 0, 0}));
+}
+
+// Paper's form: F = K(P_h − P_p) − B·V_p once, at the step's beginning, held over all its parts.
+TEST(StepperExplicitSpring, IsComputedOncePerStepAndHeld) {
+  ProxyConfig config = proxy_config(100.0);
+  config.damping_n_s_per_m = 3.0;
+  config.wire.paper = true;
+  Stepper stepper = floor_stepper(4, config);
+  stepper.set_device(0, device_at(0, 0.10), 1);
+  stepper.step(0.02);
+  double x = 0.10, v = 0.0;
+  for (int packet = 2; packet < 8; ++packet) {
+    const double target = 0.10 + 0.002 * packet;
+    rtbus::DeviceState device = device_at(0, target);
+    device.target_velocity_m_s = {0, 9.0, 0};  // the paper's damper does not look at it
+    stepper.set_device(0, device, static_cast<std::uint64_t>(packet));
+    stepper.step(0.02);
+    const double force = 100.0 * (target - x) - 3.0 * v;
+    for (int part = 0; part < 4; ++part) {
+      v += 0.005 * force / config.mass_kg;
+      x += 0.005 * v;
+    }
+    EXPECT_NEAR(stepper.answer(0).position_m[1], x, 1e-12);
+    EXPECT_NEAR(stepper.answer(0).velocity_m_s[1], v, 1e-12);
+    EXPECT_NEAR(stepper.answer(0).coupling_force_n[1], force, 1e-12);
+  }
+}
+
+// 20 ms, 0.07 kg: the explicit spring is stable at 200 N/m and explodes at 500 N/m; the implicit one does neither.
+TEST(StepperExplicitSpring, DivergesWhereTheImplicitOneSettles) {
+  const auto farthest = [](bool paper, double stiffness) {
+    ProxyConfig config = proxy_config(stiffness);
+    config.mass_kg = 0.07;
+    config.damping_n_s_per_m = 2.0 * 0.85 * std::sqrt(stiffness * config.mass_kg);
+    config.wire.paper = paper;
+    Stepper stepper = floor_stepper(20, config);
+    stepper.set_device(0, device_at(0, 1.0), 1);
+    stepper.step(0.02);
+    stepper.set_device(0, device_at(0, 1.01), 2);
+    double far_m = 0.0;
+    for (int i = 0; i < 200; ++i) {
+      stepper.step(0.02);
+      if (i > 100) far_m = std::max(far_m, std::abs(stepper.answer(0).position_m[1] - 1.01));
+    }
+    return far_m;
+  };
+  EXPECT_LT(farthest(true, 200.0), 1e-6);
+  EXPECT_GT(farthest(true, 500.0), 0.1);
+  EXPECT_LT(farthest(false, 500.0), 1e-6);
+  EXPECT_LT(farthest(false, 50000.0), 1e-6);
 }
 
 }  // namespace
