@@ -53,7 +53,6 @@ TEST_F(RecordTest, KeepsWhatAnotherReaderSawSampleBySample) {
     EXPECT_GT(recording->find(other)->rows, 1000u) << other;
   }
   EXPECT_EQ(recording->find("physics.body_poses"), nullptr);
-  EXPECT_EQ(recording->commands().size(), 2u);
   bool has_session_file = false;
   for (const auto& config : recording->config()) has_session_file |= config.path.ends_with("config/wall.yaml");
   EXPECT_TRUE(has_session_file);
@@ -65,23 +64,18 @@ TEST_F(RecordTest, KilledIsInvisibleToTheNodesAndLeavesWhatWasFlushed) {
   start_physics();
   start_haptic();
   auto reader = this->reader<Telemetry>("haptic0.telemetry");
-  auto stats = this->reader<rtbus::LoopStats>("haptic0.loop_stats");
-  ASSERT_TRUE(reader && stats);
+  ASSERT_TRUE(reader);
   ASSERT_NO_FATAL_FAILURE(start_recorder(file()));
   (void)ticks(*reader, 1);
   const auto before = ticks(*reader, 3500);  // the recorder flushes every second
-  Stamped<rtbus::LoopStats> then, now;
-  while (stats->read_next(then) == ReadStatus::kFresh) continue;
   (void)recorder_->end(SIGKILL);
   recorder_.reset();
   const auto after = ticks(*reader, 1500);
   ASSERT_EQ(after.size(), 1500u);
-  // Not one tick is missing, and nobody has lost anybody.
+  // Not one tick is missing, and physics goes on answering.
   EXPECT_EQ(after.front().value.tick, before.back().value.tick + 1);
   for (std::size_t i = 1; i < after.size(); ++i) ASSERT_EQ(after[i].value.tick, after[i - 1].value.tick + 1);
-  while (stats->read_next(now) == ReadStatus::kFresh) continue;
-  EXPECT_GT(now.value.ticks, then.value.ticks);
-  EXPECT_EQ(now.value.losses, then.value.losses);
+  EXPECT_GT(after.back().value.proxy_sequence, before.back().value.proxy_sequence);
 
   const auto recording = Recording::open(file());
   ASSERT_TRUE(recording) << recording.error().message;
