@@ -155,8 +155,8 @@ Action add_record(CLI::App& command) {
   command.add_flag("--json", options->json, "Only the final figures, as JSON");
   command.footer(
       "Records every tick and step of the session at full rate, and survives the nodes' restarts. What is older than\n"
-      "one second is safe even from kill -9 and power-off of this program. Read the file with `rtbus export`, `rtbus\n"
-      "plot`, h5dump, h5py or MATLAB (docs/recording.md). `rtbus mark TEXT` notes an event in it.");
+      "one second survives kill -9 of this program. Read the file with `rtbus export`, `rtbus plot`, h5dump, h5py or\n"
+      "MATLAB (docs/recording.md). `rtbus mark TEXT` notes an event in it.");
   return [options] { return record(*options); };
 }
 

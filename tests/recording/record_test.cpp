@@ -167,7 +167,7 @@ class SmallDisk {
 };
 
 TEST_F(RecordTest, EndsWithAClearMessageBeforeTheDiskIsFull) {
-  const SmallDisk disk(file("disk"), "7m");
+  const SmallDisk disk(file("disk"), "13m");
   if (!disk.mounted()) GTEST_SKIP() << "cannot mount a small disk; needs root";
   start_physics();
   start_haptic();
@@ -191,7 +191,7 @@ TEST_F(RecordTest, EndsWithAClearMessageBeforeTheDiskIsFull) {
 }
 
 TEST_F(RecordTest, KeepsTheFileReadableWhenTheDiskIsFullWithoutAWord) {
-  const SmallDisk disk(file("disk"), "3m");
+  const SmallDisk disk(file("disk"), "9m");
   if (!disk.mounted()) GTEST_SKIP() << "cannot mount a small disk; needs root";
   start_physics();
   start_haptic();
