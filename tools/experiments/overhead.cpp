@@ -254,7 +254,7 @@ void check_bits(const OverheadOptions& options, Experiment& experiment) {
       auto opened = rtbus::Reader<rtbus::BodyPoses>::open(bus, "physics.body_poses", {.presence = true});
       if (opened) reader.emplace(std::move(*opened));
     }
-    poses->look();
+    poses->maintain();
     poses->publish_if_due(*harness.stepper(), rtbus::kNsPerS + static_cast<std::uint64_t>(harness.now_s() * 1e9));
   });
   rtbus::Stamped<rtbus::BodyPoses> sample;
