@@ -122,7 +122,7 @@ TEST_F(Replay, RefusesWhatTheRecordingDoesNotHold) {
     return "was accepted";
   };
   EXPECT_EQ(refusal("topic: haptic0"), "was accepted");
-  EXPECT_THAT(refusal("topic: haptic7"), testing::HasSubstr("device.yaml:4: topic = haptic7 cannot be replayed"));
+  EXPECT_THAT(refusal("topic: haptic7"), testing::HasSubstr("device.yaml:4: topic = \"haptic7\" cannot be replayed"));
   EXPECT_THAT(refusal("topic: haptic7"), testing::HasSubstr("haptic0.device_state"));
   EXPECT_THAT(refusal("tpoic: haptic0"), testing::HasSubstr("topic"));
   EXPECT_THAT(refusal("tpoic: haptic0"), testing::HasSubstr("device.yaml:4"));

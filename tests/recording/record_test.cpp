@@ -15,6 +15,7 @@ using tests::Reader;
 using tests::ReadStatus;
 using tests::Stamped;
 using tests::Telemetry;
+using tests::values;
 using RecordTest = tests::RecordedSession;
 
 TEST_F(RecordTest, KeepsWhatAnotherReaderSawSampleBySample) {

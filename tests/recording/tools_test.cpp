@@ -18,6 +18,7 @@ using testing::StartsWith;
 using tests::Child;
 using tests::eventually;
 using tests::Telemetry;
+using tests::values;
 using RecordingTools = tests::RecordedSession;
 
 std::size_t lines_of(const std::string& text) {
