@@ -114,6 +114,7 @@ std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file) {
     file.fail(settings.topic.empty() ? "file" : "topic", "cannot be replayed: " + motion.error().message);
   }
   settings.info.serial = "replay";
+  settings.info.model = "replay " + settings.info.model;  // for whoever reads the report
   return std::make_unique<ReplayConfig>(std::move(settings));
 }
 
