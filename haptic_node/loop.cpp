@@ -190,7 +190,8 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   // 1. Where is the hand?
   const bool device_ok = read_device(now_ns);
   const std::uint64_t read_ns = measure_ ? rtbus::monotonic_ns() : now_ns;
-  const std::uint64_t due_ns = deadline_ns != 0 ? deadline_ns : sample_.time_ns;
+  // A device that paces: due when it measured; one that is silent has nothing to be late for.
+  const std::uint64_t due_ns = deadline_ns != 0 ? deadline_ns : device_ok ? sample_.time_ns : now_ns;
   const Eigen::Vector3d position_m = to_vector(sample_.position_m);
   if (device_ok) {
     velocity_.update(position_m, sample_.time_ns);

@@ -110,6 +110,15 @@ std::string format(const char* pattern, double a, double b = 0.0, double c = 0.0
   return text;
 }
 
+constexpr double kReadyWithin_s = 60.0;
+
+/// Waits for the first sample: until then the driver tells what it waits for, mostly to be homed by hand.
+Step test_ready(Walk& walk) {
+  const auto seen = walk.run(kReadyWithin_s, [](const drivers::DeviceSample&, double, drivers::Vec3&) { return true; });
+  if (seen.samples > 0) return {"ready", true, format("after %.1f s", seen.elapsed_s)};
+  return {"ready", false, format("not within %.0f s; do what the lines above say, and try again", kReadyWithin_s)};
+}
+
 Step test_rate(Walk& walk) {
   drivers::DeviceSample last;
   const auto seen = walk.run(1.0, [&](const drivers::DeviceSample& sample, double, drivers::Vec3&) {
@@ -209,20 +218,22 @@ int test(const DeviceTestOptions& options) {
   if (auto started = (*device)->start(rtbus::monotonic_ns()); !started) return failed(started.error().message);
 
   Walk walk(**device);
-  std::vector<Step> steps{test_rate(walk)};
+  std::vector<Step> steps{test_ready(walk)};
+  if (steps.back().ok && !interrupted()) steps.push_back(test_rate(walk));
+  const bool answers = steps.size() == 2 && steps.back().ok;
   const auto go_on = [&] { return steps.back().ok && !interrupted(); };
   if (go_on() && confirm(options, "encoders: move the handle left and right, up and down, to and fro")) {
     steps.push_back(test_encoders(walk, options.seconds));
   }
-  if (!interrupted() && steps.front().ok && confirm(options, "buttons: press and release each of them")) {
+  if (!interrupted() && answers && confirm(options, "buttons: press and release each of them")) {
     steps.push_back(test_buttons(walk, options.seconds));
   }
-  if (!interrupted() && steps.front().ok && confirm(options, "force: hold the handle lightly; it will push gently")) {
+  if (!interrupted() && answers && confirm(options, "force: hold the handle lightly; it will push gently")) {
     steps.push_back(test_force(walk, **device));
   }
   (*device)->stop();
 
-  bool fine = steps.size() == 4;
+  bool fine = steps.size() == 5;
   for (const Step& step : steps) fine = fine && step.ok;
   if (options.json) {
     nlohmann::ordered_json report = {{"schema", "rtbus-device-test/1"},

@@ -106,8 +106,8 @@ int still(StillCommand options) {
     scene = session.scene;
     if (options.at_s && *options.at_s > 0.0) {
       Harness harness(session, {});
-      rtbus::Telemetry last;
-      harness.run(*options.at_s, [&](const rtbus::Telemetry& tick) { last = tick; });
+      std::vector<rtbus::Telemetry> last(harness.hands());
+      harness.run_all(*options.at_s, [&](std::size_t hand, const rtbus::Telemetry& tick) { last[hand] = tick; });
       frame = frame_of(scene, harness, last);
     } else if (options.at_s) {
       frame = frame_of(scene);

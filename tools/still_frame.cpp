@@ -37,22 +37,28 @@ StillHandConfig hand_config(const haptic::HapticConfig& haptic, const physics::N
   return out;
 }
 
-StillFrame frame_of(const rtbus::config::Scene& scene, const Harness& harness, const rtbus::Telemetry& tick) {
+StillFrame frame_of(const rtbus::config::Scene& scene, const Harness& harness,
+                    std::span<const rtbus::Telemetry> ticks) {
   StillFrame frame = frame_of(scene);
   frame.moment = "simulated time " + seconds_text(harness.now_s());
-  const haptic::HapticConfig& config = harness.config();
-  StillHand hand;
-  hand.name = config.name;
-  hand.target_m = vector_of(harness.device_state().target_position_m);
-  hand.force_n = config.mapping.q_WD * vector_of(tick.force_n);
-  if (const physics::Stepper* stepper = harness.stepper()) {
-    hand.radius_m = stepper->proxy(0).radius_m;
-    hand.proxy_m = vector_of(stepper->answer(0).position_m);
-    for (std::size_t i = 0; i < frame.poses.size(); ++i) frame.poses[i] = stepper->world().body_pose(i);
-  } else {
-    hand.proxy_m = haptic::Mapping(config.mapping).position_to_world(vector_of(tick.proxy_position_m));
+  const physics::Stepper* stepper = harness.stepper();
+  for (std::size_t i = 0; i < std::min(harness.hands(), ticks.size()); ++i) {
+    const haptic::HapticConfig& config = harness.config(i);
+    StillHand hand;
+    hand.name = config.name;
+    hand.target_m = vector_of(harness.device_state(i).target_position_m);
+    hand.force_n = config.mapping.q_WD * vector_of(ticks[i].force_n);
+    if (stepper != nullptr) {
+      hand.radius_m = stepper->proxy(i).radius_m;
+      hand.proxy_m = vector_of(stepper->answer(i).position_m);
+    } else {
+      hand.proxy_m = haptic::Mapping(config.mapping).position_to_world(vector_of(ticks[i].proxy_position_m));
+    }
+    frame.hands.push_back(hand);
   }
-  frame.hands.push_back(hand);
+  for (std::size_t i = 0; stepper != nullptr && i < frame.poses.size(); ++i) {
+    frame.poses[i] = stepper->world().body_pose(i);
+  }
   return frame;
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -47,9 +48,9 @@ struct StillHandConfig {
 };
 [[nodiscard]] StillHandConfig hand_config(const haptic::HapticConfig& haptic, const physics::NodeConfig* physics);
 
-/// The present instant of a harness.
+/// The present instant of a harness. @param ticks The last of each hand.
 [[nodiscard]] StillFrame frame_of(const rtbus::config::Scene& scene, const Harness& harness,
-                                  const rtbus::Telemetry& tick);
+                                  std::span<const rtbus::Telemetry> ticks);
 
 /// Puts the complete frames of `physics.body_poses` together. One thread.
 class BodyPoseReader {

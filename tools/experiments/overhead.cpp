@@ -46,6 +46,7 @@ std::vector<Part> parts_of(const OverheadOptions& options) {
       with(stack, [](LiveVariant& v) { v.assignments = {"haptic.0.mapping.offset_m=[0, 0.3, 0.3]"}; });
   const LiveVariant awake =
       with(asleep, [](LiveVariant& v) { v.assignments.emplace_back("scene.deactivation.enabled=false"); });
+  const auto contacts = [](LiveVariant& v) { v.assignments.emplace_back("physics.contacts=on"); };
   const auto telemetry = [](LiveVariant& v) { v.observe_telemetry = true; };
   const auto poses = [](LiveVariant& v) { v.observe_poses = true; };
   return {{"wall", "Bullet", wall, bullet},
@@ -54,6 +55,7 @@ std::vector<Part> parts_of(const OverheadOptions& options) {
           {"wall", "telemetry", wall, with(wall, telemetry)},
           {"stack_125", "telemetry", stack, with(stack, telemetry)},
           {"stack_125", "body poses", stack, with(stack, poses)},
+          {"stack_125", "contact constraints", stack, with(stack, contacts)},
           {"stack_125", "bodies at rest", asleep, awake}};
 }
 
@@ -218,10 +220,15 @@ void draw(const std::vector<Part>& parts, Experiment& experiment) {
   for (const auto& file : *drawn) experiment.add_figure(file);
 }
 
+/// The hand has met the stack by then.
+constexpr double kPushed_s = 6.0;
+
 /// Fingerprint of the first seconds of a session under the simulated clock.
-std::uint64_t fingerprint(const std::string& file, double seconds,
-                          const std::function<void(const Harness&)>& look = {}) {
-  auto session = rtbus::config::load_session(file);
+std::uint64_t fingerprint(const std::string& file, double seconds, const std::function<void(const Harness&)>& look = {},
+                          const std::vector<std::string>& assignments = {}) {
+  std::vector<rtbus::config::Override> overrides;
+  for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
+  auto session = rtbus::config::load_session(file, overrides);
   Harness harness(session, {});
   for (double t = 0.0; t < seconds; t += 0.02) {
     harness.run(0.02, {});
@@ -238,15 +245,18 @@ void check_bits(const OverheadOptions& options, Experiment& experiment) {
   experiment.check_at_most("overhead.bits.bullet_before", "Bullet's libraries in this process so far",
                            static_cast<double>(self.libraries_named("bullet")), "1", 0.0);
   const std::uint64_t wall = fingerprint(options.wall_file, 3.0);
-  const std::uint64_t stack = fingerprint(options.stack_file, 3.0);  // maps it
+  const std::uint64_t stack = fingerprint(options.stack_file, kPushed_s);  // maps it
   experiment.check_between("overhead.bits.bullet", "wall: force bit-identical with Bullet mapped",
                            fingerprint(options.wall_file, 3.0) == wall ? 1.0 : 0.0, "1", same, same);
+  experiment.check_between("overhead.bits.contacts", "stack_125: force bit-identical with contact constraints",
+                           fingerprint(options.stack_file, kPushed_s, {}, {"physics.contacts=on"}) == stack ? 1.0 : 0.0,
+                           "1", same, same);
   // Body poses on a real topic with a reader, against none.
   rtbus::Session bus;
   bus.name = "overhead-" + std::to_string(getpid());
   std::unique_ptr<physics::PosePublisher> poses;
   std::optional<rtbus::Reader<rtbus::BodyPoses>> reader;
-  const std::uint64_t observed = fingerprint(options.stack_file, 3.0, [&](const Harness& harness) {
+  const std::uint64_t observed = fingerprint(options.stack_file, kPushed_s, [&](const Harness& harness) {
     if (!poses) {
       auto created = physics::PosePublisher::create(bus, harness.stepper()->world().bodies());
       if (!created) return;
@@ -293,6 +303,9 @@ void check_parts(const std::vector<Part>& parts, Experiment& experiment) {
       // Two samples of 64 bodies make a frame.
       experiment.check_between(id + ".forced_on", what + ": samples for an observer, 2 a frame", most(part.with, rate),
                                "Hz", 40.0, 62.0);
+    } else if (part.name == "contact constraints") {
+      experiment.check_between(id + ".topics", what + " left out: topics fewer", saving(part, topics).median, "1", 1.0,
+                               1.0);
     } else if (part.name == "bodies at rest") {
       const Spread awake = left_out(part, step_us), more = saving(part, step_us);
       experiment.check_between(id + ".ratio", what + ": step with all awake over step with all asleep",

@@ -55,7 +55,7 @@ class Harness {
   void observe_steps(StepObserver observer) { step_observer_ = std::move(observer); }
 
   [[nodiscard]] double now_s() const noexcept;  ///< Simulated time since the start.
-  [[nodiscard]] const haptic::HapticConfig& config() const noexcept { return hands_.front()->config; }
+  [[nodiscard]] const haptic::HapticConfig& config(std::size_t node = 0) const { return hands_[node]->config; }
   [[nodiscard]] rtbus::LoopStats stats() const { return hands_.front()->loop->stats(); }
   [[nodiscard]] const rtbus::DeviceState& device_state(std::size_t node = 0) const {
     return hands_.at(node)->loop->device_state();
