@@ -43,7 +43,8 @@ IoStatus ReplayDevice::read(std::uint64_t now_ns, DeviceSample& out) noexcept {
 
 IoStatus ReplayDevice::write(std::uint64_t, const ForceCommand& command) noexcept {
   if (!running_) return IoStatus::kLost;
-  const double norm = std::hypot(command.force_n[0], command.force_n[1], command.force_n[2]);
+  const auto& [x, y, z] = command.force_n;  // not std::hypot of three: libstdc++'s gives 0 for (0, NaN, 0)
+  const double norm = std::sqrt(x * x + y * y + z * z);
   if (!(norm <= info_.max_force_n)) ++clamped_;
   return IoStatus::kOk;
 }

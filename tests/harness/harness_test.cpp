@@ -276,13 +276,16 @@ INSTANTIATE_TEST_SUITE_P(Shipped, BulletSession,
 /// Impulses along the push, second by second, both in the world's frame: what the hand felt, what the world received,
 /// and how far the proxy went.
 struct Push {
-  std::array<double, 5> felt_n_s{}, given_n_s{}, way_m{};
+  std::array<double, 10> felt_n_s{}, given_n_s{}, way_m{};
 };
 
-/// The hand starts at 1.0 s, meets the stack at about 2.7 s and stops at 5.0 s.
-Push push(std::vector<std::string> assignments) {
-  assignments.emplace_back("haptic.0.device=devices/sim_phantom_desktop_push_z.yaml");
-  assignments.emplace_back("haptic.0.device.hand.speed_m_s=0.015");
+/// As shipped the hand meets the stack at 4.3 s and pushes on until 16 s. A `fast` one, at 15 mm/s, meets it at
+/// about 2.7 s and stops at 5.0 s.
+Push push(std::vector<std::string> assignments, bool fast) {
+  if (fast) {
+    assignments.emplace_back("haptic.0.device=devices/sim_phantom_desktop_push_z.yaml");
+    assignments.emplace_back("haptic.0.device.hand.speed_m_s=0.015");
+  }
   auto settings = session("stack_125.yaml", assignments);
   Harness harness(settings, {});
   Push out;
@@ -291,7 +294,7 @@ Push push(std::vector<std::string> assignments) {
     out.given_n_s[second] += -step.contact_force_n[2] * step.step_s;
     out.way_m[second] += -step.velocity_m_s[2] * step.step_s;
   });
-  for (; second < out.felt_n_s.size(); ++second) {
+  for (; second < (fast ? 5 : out.felt_n_s.size()); ++second) {
     harness.run(1.0, [&](const Telemetry& tick) { out.felt_n_s[second] += -tick.force_n[2] * 1e-3; });
     std::printf("second %zu: felt %.4f, given %.4f N s, way %.1f mm\n", second, out.felt_n_s[second],
                 out.given_n_s[second], 1e3 * out.way_m[second]);
@@ -302,19 +305,24 @@ Push push(std::vector<std::string> assignments) {
 // Newton's third law: what the hand feels over each second of the push is what the world received in it, though the two
 // ends of the coupling are two springs, at 1000 Hz and at 100 Hz.
 TEST(Momentum, FeltByTheHandIsGivenToTheWorld) {
-  for (const auto& [pace, lead] : {std::pair{"physics.rate_hz=100", "0.5"}, {"physics.throttle_hz=100", "1.5"}}) {
-    const Push with = push({pace, "physics.substeps=" + std::string(lead == std::string("0.5") ? "10" : "1"),
-                            "haptic.0.proxy.lead_steps=" + std::string(lead)});
-    for (const std::size_t pushed : {3U, 4U}) {
-      EXPECT_GT(std::abs(with.given_n_s[pushed]), 0.1) << "it must be a push worth the name";
-      EXPECT_NEAR(with.felt_n_s[pushed] / with.given_n_s[pushed], 1.0, 0.05) << pace << ", second " << pushed;
+  for (const auto& settings : std::vector<std::vector<std::string>>{
+           {"physics.rate_hz=100", "physics.substeps=10", "haptic.0.proxy.lead_steps=0.5"},
+           {"physics.throttle_hz=100", "haptic.0.proxy.lead_steps=1.5"}}) {
+    const Push pushed = push(settings, false);
+    std::size_t seconds = 0;
+    for (std::size_t second = 5; second < pushed.felt_n_s.size(); ++second) {
+      if (std::abs(pushed.given_n_s[second]) < 0.2) continue;  // the columns give way: no push any more
+      ++seconds;
+      EXPECT_NEAR(pushed.felt_n_s[second] / pushed.given_n_s[second], 1.0, 0.05)
+          << settings[0] << ", second " << second;
     }
+    EXPECT_GE(seconds, 3U);
   }
 }
 
 // Without a lead the hand feels K·v·age more, age being what a throttled proxy has on the mean: 15 ms.
 TEST(Momentum, MissesTheAgeOfTheProxyWithoutALead) {
-  const Push plain = push({"physics.throttle_hz=100"});
+  const Push plain = push({"physics.throttle_hz=100"}, true);
   const double drag_n_s = 300.0 * plain.way_m[3] * 0.015;
   EXPECT_GT(drag_n_s, 0.04);
   EXPECT_NEAR(plain.felt_n_s[3] - plain.given_n_s[3], -drag_n_s, 0.2 * drag_n_s);
