@@ -39,6 +39,22 @@ if(RTBUS_WITH_BULLET)
   endif()
 endif()
 
+# HDF5, for recordings (rtbus record, export, plot, replay).
+option(RTBUS_WITH_HDF5 "Build recording and replay when HDF5 is found" ON)
+if(RTBUS_WITH_HDF5)
+  find_package(PkgConfig)
+  if(PKG_CONFIG_FOUND)
+    pkg_check_modules(HDF5 IMPORTED_TARGET hdf5-serial)
+    if(NOT HDF5_FOUND)
+      pkg_check_modules(HDF5 IMPORTED_TARGET hdf5)
+    endif()
+  endif()
+  if(NOT HDF5_FOUND)
+    message(STATUS "HDF5 is not there: no recording and no replay; install libhdf5-dev and pkg-config")
+    set(RTBUS_WITH_HDF5 OFF)
+  endif()
+endif()
+
 # libusb, for devices over USB and the virtual ones that prove them.
 find_package(PkgConfig)
 if(PKG_CONFIG_FOUND)

@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "drivers/replay/driver_module.hpp"
 #include "drivers/simulated/simulated_config.hpp"
 #include "drivers/usb/driver_module.hpp"
 
@@ -28,6 +29,12 @@ std::unique_ptr<DeviceConfig> parse_usb(std::string_view name, rtbus::config::Ma
   return driver->parse(file);
 }
 
+std::unique_ptr<DeviceConfig> parse_replay(rtbus::config::Map& file) {
+  const auto module = load_module<replay::ReplayModule>(replay::kReplayModule);
+  if (!module) file.fail("driver", module.error());
+  return (*module)->parse(file);
+}
+
 // In probing order. A new driver is one row here and one folder; one over USB has a row in drivers/usb/module.cpp too.
 constexpr std::array kDrivers{
     DriverEntry{"simulated", "Simulated mechanics with a scripted hand, no hardware", &simulated::parse},
@@ -35,6 +42,8 @@ constexpr std::array kDrivers{
                 usb::kUsbModuleFile},
     DriverEntry{"phantom", "PHANToM-class arms with Teensy electronics, over USB",
                 [](rtbus::config::Map& file) { return parse_usb("phantom", file); }, usb::kUsbModuleFile},
+    DriverEntry{"replay", "The hand's motion out of a recording, no hardware", &parse_replay,
+                replay::kReplayModule.file},
 };
 
 }  // namespace
@@ -43,6 +52,7 @@ std::span<const DriverEntry> registered_drivers() noexcept { return kDrivers; }
 
 bool driver_present(const DriverEntry& entry) {
   if (entry.module.empty()) return true;
+  if (entry.module == replay::kReplayModule.file) return load_module_head(replay::kReplayModule).has_value();
   const auto module = usb::load_usb_module();
   return module && find_usb_driver(**module, entry.name) != nullptr;
 }

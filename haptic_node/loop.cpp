@@ -73,7 +73,9 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
     // An answer to another mapping, to a sample from before forces were enabled (perhaps of a process before this one),
     // or to one that is yet to come, says nothing about the hand now.
     proxy_.valid = news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch() &&
-                   news.device_time_ns >= enabled_ns_ && news.device_time_ns <= now_ns;
+                   news.device_time_ns >= enabled_ns_ && news.device_time_ns <= now_ns &&
+                   to_vector(news.position_m).allFinite() && to_vector(news.velocity_m_s).allFinite() &&
+                   to_vector(news.hand_force_n).allFinite();
     if (proxy_.valid) {
       proxy_.fresh = true;
       proxy_.sequence = proxy_news_.sequence;

@@ -93,6 +93,8 @@ void read_safety(Map& entry, HapticConfig& out) {
   passivity.reservoir_max_j =
       std::min(safety.max_force_n * safety.max_force_n / (2.0 * std::max(out.stiffness_n_per_m, 1e-9)),
                0.5 * out.stiffness_n_per_m * workspace_m * workspace_m);
+  // A law without a spring stores nothing, and still may not give what it has not got.
+  passivity.debt_floor_j = safety.max_force_n * 1e-3;
   // A tenth of m/T: the injected damper stays well inside its own sampled-data limit (2m/T) and its noise small.
   passivity.damping_max_n_s_per_m = 0.1 * device.apparent_mass_kg * out.rate_hz;
   passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
@@ -164,8 +166,12 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   out.device = drivers::parse_device(device_file);
   const drivers::DeviceInfo& device = out.device->info();
 
-  out.rate_hz = entry.number("rate_hz", {500.0, 10000.0}, 1000.0);
-  out.clock = entry.choice("clock", {"timer", "device"}, "timer") == "device" ? LoopClock::kDevice : LoopClock::kTimer;
+  // Two free-running clocks cost up to a tick of delay, and with it stiffness: a USB device paces unless told
+  // otherwise.
+  const bool paces = out.device->uses_usb() && device.can_pace_loop;
+  out.rate_hz = entry.number("rate_hz", {500.0, 10000.0}, paces ? device.sample_rate_hz : 1000.0);
+  out.clock = entry.choice("clock", {"timer", "device"}, paces ? "device" : "timer") == "device" ? LoopClock::kDevice
+                                                                                                 : LoopClock::kTimer;
   if (out.clock == LoopClock::kDevice && !device.can_pace_loop) {
     entry.fail("clock", "needs a device that wakes the loop, which " + device.model + " does not; use timer");
   }

@@ -38,8 +38,8 @@ void Passivity::observe(const Eigen::Vector3d& mean_force_n, const Eigen::Vector
   absorbed_j_ += absorbed;
   // The cap keeps a long stretch of friction from becoming credit for an instability later; the floor keeps one bad
   // moment from making the device viscous for seconds.
-  ledger_j_ = std::clamp(ledger_j_ + absorbed + burnt(position_m, elapsed_s), -config_.reservoir_max_j,
-                         config_.reservoir_max_j);
+  ledger_j_ = std::clamp(ledger_j_ + absorbed + burnt(position_m, elapsed_s),
+                         -std::max(config_.reservoir_max_j, config_.debt_floor_j), config_.reservoir_max_j);
 }
 
 Eigen::Vector3d Passivity::control(const Eigen::Vector3d& force_n, const Eigen::Vector3d& velocity_m_s, double dt_s,

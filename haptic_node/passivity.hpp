@@ -14,6 +14,7 @@ namespace haptic {
 
 struct PassivityConfig {
   bool control = true;           ///< False: energy is observed and published, and nothing is done about it.
+  double debt_floor_j = 0.0;  ///< The debt may grow at least as far, whatever may be stored.
   double reservoir_max_j = 0.0;  ///< What may be stored and given back: the energy of the fully stretched coupling. The
                                  ///< debt is bounded by the same figure.
   double damping_max_n_s_per_m = 0.0;      ///< Ceiling of the injected damper: more would amplify velocity noise.

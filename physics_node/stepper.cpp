@@ -26,7 +26,9 @@ bool usable(const rtbus::DeviceState& device) {
 Stepper::Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps)
     : world_(std::move(world)), substeps_(std::max(1, substeps)) {
   for (const ProxyConfig& config : proxies) {
-    world_->add_proxy({config.device, config.mass_kg, config.radius_m, config.friction, config.position_m});
+    // Until its device speaks it touches nothing: its first state brings it in.
+    world_->release_proxy(
+        world_->add_proxy({config.device, config.mass_kg, config.radius_m, config.friction, config.position_m}));
     Link link;
     link.config = config;
     link.target.position_m = config.position_m;

@@ -27,5 +27,11 @@ Action add_device_test(CLI::App& command);
 Action add_virtual_device(CLI::App& command);
 Action add_bench(CLI::App& command);
 Action add_still(CLI::App& command);
+Action add_stream(CLI::App& command);
+// In builds with HDF5:
+Action add_record(CLI::App& command);
+Action add_mark(CLI::App& command);
+Action add_export(CLI::App& command);
+Action add_plot(CLI::App& command);
 
 }  // namespace tools

@@ -28,6 +28,7 @@ void catch_interrupts() noexcept {
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  signal(SIGCHLD, SIG_DFL);  // a parent that ignores it would hide from us that a node has ended
   struct sigaction hangup {};
   // nohup(1) has it ignored, and means it.
   if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);

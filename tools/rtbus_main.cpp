@@ -22,6 +22,13 @@ constexpr Entry kCommands[] = {
     {"echo", "Print the samples of a topic", &tools::add_echo},
     {"hz", "Rate and jitter of a topic", &tools::add_hz},
     {"top", "Live monitor of a session", &tools::add_top},
+#if RTBUS_WITH_HDF5
+    {"record", "Record a session into an HDF5 file", &tools::add_record},
+    {"mark", "Note an event in the recordings under way", &tools::add_mark},
+    {"export", "What a recording holds, or all of it as CSV", &tools::add_export},
+    {"plot", "Draw signals of a recording or of a running session", &tools::add_plot},
+#endif
+    {"stream", "Send a session's samples to PlotJuggler", &tools::add_stream},
     {"still", "Render a picture of a session's scene", &tools::add_still},
     {"clean", "Remove what dead processes left in shared memory", &tools::add_clean},
     {"doctor", "Check this machine's realtime set-up, with remedies", &tools::add_doctor},

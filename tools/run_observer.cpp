@@ -11,7 +11,8 @@ namespace tools {
 
 namespace {
 
-double norm(const rtbus::Vec3& v) { return std::hypot(v[0], v[1], v[2]); }
+// Not std::hypot of three: libstdc++'s gives 0 for (0, NaN, 0).
+double norm(const rtbus::Vec3& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 Eigen::Vector3d vector_of(const rtbus::Vec3& v) { return {v[0], v[1], v[2]}; }
 
@@ -26,11 +27,11 @@ bool attach_to(rtbus::Subscription<T>& subscription) {
 
 HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::HapticConfig& config)
     : config_(config),
-      mapping_(config.mapping),
       ticks_(session, config.name + ".telemetry", {.presence = true}),
       stats_reader_(session, config.name + ".loop_stats"),
       info_reader_(session, config.name + ".node_info"),
-      proxies_(session, "physics.proxy_state." + config.name) {
+      proxies_(session, "physics.proxy_state." + config.name),
+      mapping_(config.mapping) {
   const haptic::RendererEntry* const law = haptic::find_renderer(config.method);
   if (law == nullptr || !law->needs_physics) return;
   // A reference is the law without delay: of interpolation the force itself, without ramp (one cycle in improved form).

@@ -58,6 +58,11 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
       plan.nodes.back().arguments.insert(plan.nodes.back().arguments.end(),
                                          {"--set", key + "=" + std::to_string(cores[i])});
       haptic.realtime.core = cores[i];
+      // Physics keeps off these cores when it runs freely.
+      if (plan.physics) {
+        plan.nodes.front().arguments.insert(plan.nodes.front().arguments.end(),
+                                            {"--set", key + "=" + std::to_string(cores[i])});
+      }
     }
   }
   return plan;

@@ -133,7 +133,8 @@ std::optional<ChildEnd> Supervisor::reap(Child& child) {
   pump(child);
   int status = 0;
   rusage used{};
-  if (::wait4(child.pid, &status, WNOHANG, &used) != child.pid) return std::nullopt;
+  const pid_t ended = ::wait4(child.pid, &status, WNOHANG, &used);
+  if (ended != child.pid && !(ended < 0 && errno == ECHILD)) return std::nullopt;
   pump(child);  // what it wrote between the first look and its end
   take_line(child, std::exchange(child.partial_line, {}));
   ::close(child.output_fd);

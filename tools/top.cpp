@@ -1,22 +1,23 @@
 // `rtbus top`: live monitor of a session in the terminal.
-#include <curses.h>
+#include <langinfo.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <clocale>
 #include <cstdio>
+#include <cstring>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "rtbus/clock.hpp"
 #include "tools/command.hpp"
+#include "tools/field_format.hpp"
 #include "tools/interrupt.hpp"
 #include "tools/top_collect.hpp"
 #include "tools/top_json.hpp"
+#include "tools/top_screen.hpp"
 #include "tools/top_view.hpp"
 
 namespace tools {
@@ -27,101 +28,104 @@ struct TopOptions {
   std::optional<std::string> session;
   bool once = false;
   bool json = false;
+  bool ascii = false;
+  bool no_telemetry = false;
   double refresh_hz = 4.0;
+
+  [[nodiscard]] std::uint64_t period_ns() const { return static_cast<std::uint64_t>(1e9 / refresh_hz); }
 };
 
-/// Owns the terminal: whatever ends the command, the user gets it back as it was.
-class Screen {
+/// Telemetry is followed this often however rarely the screen changes: its ring holds two seconds.
+constexpr std::uint64_t kFollow_ns = 100 * rtbus::kNsPerMs;
+
+/// The screen: collects, draws, and asks for keys until the user or a signal ends it.
+class Monitor {
  public:
-  Screen() {
-    std::setlocale(LC_ALL, "");
-    ::initscr();
-    ::cbreak();
-    ::noecho();
-    ::curs_set(0);
-    ::keypad(stdscr, TRUE);
-    if (::has_colors()) {
-      ::start_color();
-      ::use_default_colors();
-      ::init_pair(1, COLOR_YELLOW, -1);
-      ::init_pair(2, COLOR_RED, -1);
-    }
-  }
-  ~Screen() { ::endwin(); }
-  Screen(const Screen&) = delete;
-  Screen& operator=(const Screen&) = delete;
+  explicit Monitor(const TopOptions& options) : options_(options), collector_(options.session, !options.no_telemetry) {}
 
-  void draw(const std::vector<ViewLine>& lines) {
-    ::erase();
-    for (std::size_t row = 0; row < lines.size(); ++row) {
-      const attr_t attributes = attributes_of(lines[row].tone);
-      ::attron(attributes);
-      mvaddstr(static_cast<int>(row), 0, lines[row].text.c_str());
-      ::attroff(attributes);
+  int run() {
+    Screen screen;
+    if (!screen.works()) {
+      std::cerr << "rtbus top: this terminal is not known here (TERM); use --once or --json\n";
+      return kExitFailed;
     }
-    ::refresh();
-  }
-
-  /// The next key within `wait_ms`; ERR when there is none.
-  [[nodiscard]] int key(int wait_ms) {
-    ::timeout(wait_ms);
-    return ::getch();
+    choice_.utf8 = screen.utf8() && !options_.ascii;
+    std::uint64_t next_ns = 0;
+    bool changed = true;
+    while (!interrupted()) {
+      const std::uint64_t now_ns = rtbus::monotonic_ns();
+      if (now_ns >= next_ns) {
+        // While paused the screen keeps its figures, and only follows the keys and the size of the window.
+        if (!choice_.paused) snapshot_ = collector_.collect();
+        changed = changed || !choice_.paused;
+        next_ns = now_ns + options_.period_ns();
+        look_at_sample(!choice_.paused);
+      } else {
+        collector_.follow();
+      }
+      if (changed) screen.draw(page_lines(snapshot_, sample_, choice_, screen.width(), screen.height()));
+      changed = false;
+      const std::uint64_t later_ns = rtbus::monotonic_ns();
+      const std::uint64_t wait_ns = std::min(kFollow_ns, next_ns > later_ns ? next_ns - later_ns : 0);
+      const TopKey key = screen.key(static_cast<int>(wait_ns / rtbus::kNsPerMs) + 1, changed);
+      if (key.kind == TopKey::Kind::kNone) continue;
+      if (!apply_key(key, snapshot_, choice_)) break;
+      if (!choice_.session.empty()) {
+        collector_.choose(choice_.session);
+        next_ns = 0;
+      }
+      look_at_sample(false);
+      changed = true;
+    }
+    return kExitFine;
   }
 
  private:
-  static attr_t attributes_of(Tone tone) {
-    switch (tone) {
-      case Tone::kPlain:
-        return A_NORMAL;
-      case Tone::kHeading:
-        return A_BOLD;
-      case Tone::kWarn:
-        return static_cast<attr_t>(A_BOLD | COLOR_PAIR(1));
-      case Tone::kBad:
-        return static_cast<attr_t>(A_BOLD | COLOR_PAIR(2));
-      case Tone::kDim:
-        return A_DIM;
+  /// Reads the chosen topic when its page is shown. @param anew Also when it has been read already.
+  void look_at_sample(bool anew) {
+    if (choice_.page != TopPage::kTopics || snapshot_.topics.empty()) {
+      sample_.reset();
+      collector_.leave_sample();
+      return;
     }
-    return A_NORMAL;
+    const std::string& topic = snapshot_.topics[chosen_index(snapshot_.topics, choice_.topic)].name;
+    if (anew || !sample_ || sample_->topic != topic) sample_ = collector_.sample(topic);
   }
+
+  const TopOptions& options_;
+  TopCollector collector_;
+  TopSnapshot snapshot_;
+  std::optional<SampleView> sample_;
+  TopChoice choice_;
 };
 
 int watch(const TopOptions& options) {
   if (::isatty(STDIN_FILENO) != 1 || ::isatty(STDOUT_FILENO) != 1) {
-    std::cerr << "rtbus top: needs a terminal; in a script use --once or --once --json\n";
+    std::cerr << "rtbus top: needs a terminal; in a script use --once, --json or --once --json\n";
     return kExitUsage;
   }
-  TopCollector collector(options.session);
-  Screen screen;
-  TopSnapshot snapshot = collector.collect();
-  bool help = false;
-  std::uint64_t next_ns = 0;
+  return Monitor(options).run();
+}
+
+/// One line of JSON per period; also while no session is there, so that whoever reads it knows.
+int stream(const TopOptions& options) {
+  TopCollector collector(options.session, !options.no_telemetry);
+  std::uint64_t next_ns = rtbus::monotonic_ns();
   while (!interrupted()) {
-    const std::uint64_t now_ns = rtbus::monotonic_ns();
-    if (now_ns >= next_ns) {
-      // While paused the screen keeps its figures, and only follows the size of the window.
-      if (!snapshot.paused) snapshot = collector.collect();
-      next_ns = now_ns + static_cast<std::uint64_t>(1e9 / options.refresh_hz);
-    }
-    screen.draw(help ? help_lines(COLS, LINES) : top_lines(snapshot, COLS, LINES));
-    const std::uint64_t later_ns = rtbus::monotonic_ns();
-    const int wait_ms = next_ns > later_ns ? static_cast<int>((next_ns - later_ns) / rtbus::kNsPerMs) + 1 : 0;
-    const int key = screen.key(wait_ms);
-    if (key == ERR || key == KEY_RESIZE) continue;
-    if (key == 'q' || key == 'Q') break;
-    if (help) {
-      help = false;
-    } else if (key == '?' || key == 'h') {
-      help = true;
-    } else if (key == 'p' || key == ' ') {
-      snapshot.paused = !snapshot.paused;
+    std::cout << json_line(top_json(collector.collect())) << '\n' << std::flush;
+    if (!std::cout) return kExitFailed;  // nobody takes the output any more
+    next_ns += options.period_ns();
+    for (std::uint64_t now_ns = rtbus::monotonic_ns(); now_ns < next_ns; now_ns = rtbus::monotonic_ns()) {
+      if (!sleep_unless_interrupted(std::min(kFollow_ns, next_ns - now_ns))) return kExitFine;
+      collector.follow();
     }
   }
   return kExitFine;
 }
 
 int print_once(const TopOptions& options) {
-  const TopSnapshot snapshot = TopCollector(options.session).collect();
+  // A single look does not wait for telemetry, so it does not ask for any.
+  const TopSnapshot snapshot = TopCollector(options.session, false).collect();
   if (snapshot.session.empty()) {
     std::cerr << "rtbus top: " << snapshot.message << '\n';
     return kExitFailed;
@@ -130,7 +134,10 @@ int print_once(const TopOptions& options) {
     std::cout << top_json(snapshot).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
     return kExitFine;
   }
-  for (const ViewLine& line : top_lines(snapshot, 0, 0)) std::puts(line.text.c_str());
+  std::setlocale(LC_CTYPE, "");
+  TopChoice choice;
+  choice.utf8 = !options.ascii && std::strcmp(::nl_langinfo(CODESET), "UTF-8") == 0;
+  for (const ViewLine& line : overview_lines(snapshot, choice, 0, 0)) std::puts(line.text().c_str());
   return kExitFine;
 }
 
@@ -139,13 +146,19 @@ int print_once(const TopOptions& options) {
 Action add_top(CLI::App& command) {
   auto options = std::make_shared<TopOptions>();
   command.add_option("-s,--session", options->session, "Session; not needed while only one is live");
-  auto* const once = command.add_flag("--once", options->once, "Print the state once, as plain text, and end");
-  command.add_flag("--json", options->json, "With --once: as JSON, schema rtbus-top/1")->needs(once);
-  command.add_option("--refresh", options->refresh_hz, "Screens a second [Hz]")
+  command.add_flag("--once", options->once, "Print the state once, as plain text, and end");
+  command.add_flag("--json", options->json, "Schema rtbus-top/1: one line per period, or with --once one document");
+  command.add_option("--refresh", options->refresh_hz, "Screens or lines of JSON a second [Hz]")
       ->check(CLI::Range(0.1, 20.0))
       ->capture_default_str();
-  command.footer("Keys: q quit, p pause, ? help.");
-  return [options] { return options->once ? print_once(*options) : watch(*options); };
+  command.add_flag("--ascii", options->ascii, "No block characters, also when the locale has them");
+  command.add_flag("--no-telemetry", options->no_telemetry,
+                   "Do not ask the haptic nodes for their ticks: no histogram, no curves, no last cut");
+  command.footer("Keys: q quit, p pause, t topics, u units, Tab and arrows choose, ? help. docs/monitoring.md.");
+  return [options] {
+    if (options->once) return print_once(*options);
+    return options->json ? stream(*options) : watch(*options);
+  };
 }
 
 }  // namespace tools

@@ -6,6 +6,7 @@
 
 #include "rtbus/clock.hpp"
 #include "tools/choose.hpp"
+#include "tools/top_view.hpp"
 #include "tools/topic_rate.hpp"
 
 namespace tools {
@@ -34,18 +35,26 @@ std::optional<T> value_of(const std::optional<rtbus::Stamped<T>>& sample) {
 }  // namespace
 
 struct TopCollector::Node {
-  Node(const rtbus::Session& session, const std::string& name)
+  Node(const rtbus::Session& session, const std::string& name, bool follow_telemetry)
       : heartbeat(session, name + ".heartbeat"),
         info(session, name + ".node_info"),
         loop_stats(session, name + ".loop_stats"),
         device_state(session, name + ".device_state"),
-        step_stats(session, name + ".step_stats") {}
+        step_stats(session, name + ".step_stats") {
+    if (follow_telemetry) telemetry.emplace(session, name + ".telemetry", true);
+  }
+
+  void take_telemetry() {
+    if (telemetry) telemetry->drain([this](const auto& tick) { signals.take(tick.value, tick.stamp_ns); });
+  }
 
   Follow<rtbus::Heartbeat> heartbeat;
   Follow<rtbus::NodeInfo> info;
   Follow<rtbus::LoopStats> loop_stats;
   Follow<rtbus::DeviceState> device_state;
   Follow<rtbus::StepStats> step_stats;
+  std::optional<Follow<rtbus::Telemetry>> telemetry;
+  RecentSignals signals;
   std::vector<rtbus::Stamped<rtbus::LoopStats>> recent;  ///< Loop statistics of the force window, oldest first.
 };
 
@@ -54,6 +63,7 @@ void TopCollector::follow_session(const std::string& session) {
   session_ = session;
   nodes_.clear();
   counts_.clear();
+  sample_reader_.reset();
 }
 
 void TopCollector::find_nodes(const std::vector<rtbus::TopicInfo>& topics) {
@@ -64,12 +74,12 @@ void TopCollector::find_nodes(const std::vector<rtbus::TopicInfo>& topics) {
     const std::optional<std::string> name = node_of(info.topic);
     if (!name || found.contains(*name)) continue;
     const auto known = nodes_.find(*name);
-    found[*name] = known != nodes_.end() ? known->second : std::make_shared<Node>(session, *name);
+    found[*name] = known != nodes_.end() ? known->second : std::make_shared<Node>(session, *name, telemetry_);
   }
   nodes_ = std::move(found);  // a node whose topics are gone has ended cleanly
 }
 
-void TopCollector::add_nodes(TopSnapshot& snapshot) {
+void TopCollector::add_nodes(TopSnapshot& snapshot, const std::vector<rtbus::TopicInfo>& topics) {
   for (auto& [name, node] : nodes_) {
     NodeLife life;
     const auto& beat = node->heartbeat.newest();
@@ -78,6 +88,12 @@ void TopCollector::add_nodes(TopSnapshot& snapshot) {
     if (beat) {
       life.heartbeat_age_s = std::max(0.0, rtbus::seconds_between(beat->stamp_ns, now_ns));
       life.pid = beat->value.pid;
+    }
+    const auto own =
+        std::find_if(topics.begin(), topics.end(), [&](const auto& t) { return t.topic == name + ".heartbeat"; });
+    if (own != topics.end() && own->epoch > 0) {
+      life.restarts = own->epoch - 1;
+      life.process_age_s = std::max(0.0, rtbus::seconds_between(own->writer_start_ns, now_ns));
     }
     const std::optional<rtbus::NodeInfo> info = value_of(node->info.newest());
     node->loop_stats.drain([&](const auto& sample) { node->recent.push_back(sample); });
@@ -90,7 +106,11 @@ void TopCollector::add_nodes(TopSnapshot& snapshot) {
       snapshot.physics.push_back({name, life, info, value_of(node->step_stats.newest())});
       continue;
     }
-    HapticView view{name, life, info, std::nullopt, value_of(node->device_state.newest()), std::nullopt, std::nullopt};
+    HapticView view{name,         life,         info,        std::nullopt, value_of(node->device_state.newest()),
+                    std::nullopt, std::nullopt, std::nullopt};
+    node->take_telemetry();
+    // Its own clock: what came while it was read is not from the future.
+    if (node->telemetry) view.recent = node->signals.view(rtbus::monotonic_ns(), node->telemetry->missed());
     auto& recent = node->recent;
     while (recent.size() > 2 && recent.back().stamp_ns - recent.front().stamp_ns > kForceWindow_ns)
       recent.erase(recent.begin());
@@ -120,11 +140,50 @@ void TopCollector::add_topics(TopSnapshot& snapshot, const std::vector<rtbus::To
   }
 }
 
+void TopCollector::follow() {
+  for (auto& [name, node] : nodes_) node->take_telemetry();
+}
+
+SampleView TopCollector::sample(const std::string& topic) {
+  SampleView view;
+  view.topic = topic;
+  if (!sample_reader_ || sample_topic_ != topic || sample_reader_->replaced()) {
+    sample_topic_ = topic;
+    rtbus::Session session;
+    session.name = session_;
+    auto opened = rtbus::RawReader::open(session, topic, {.presence = true, .trust = rtbus::OwnerTrust::kAnyone});
+    if (opened) {
+      sample_reader_.emplace(std::move(*opened));
+    } else {
+      sample_reader_.reset();
+      view.problem = rtbus::to_string(opened.error());
+      return view;
+    }
+  }
+  rtbus::RawReader& reader = *sample_reader_;
+  (void)reader.read_latest();  // nothing new: the last one stays
+  view.type_name = reader.description().type_name;
+  if (reader.sequence() == 0) {
+    view.problem = "no sample yet";
+    return view;
+  }
+  view.sequence = reader.sequence();
+  view.age_s = std::max(0.0, rtbus::seconds_between(reader.stamp_ns(), rtbus::monotonic_ns()));
+  for (const auto& field : reader.description().fields) {
+    FieldView shown{field.name, field.unit, {}};
+    for (std::uint32_t i = 0; i < rtbus::field_elements(field); ++i)
+      shown.values.push_back(rtbus::field_value(reader.bytes(), field, i));
+    view.fields.push_back(std::move(shown));
+  }
+  return view;
+}
+
 TopSnapshot TopCollector::collect() {
   TopSnapshot snapshot;
   std::vector<rtbus::TopicInfo> topics = rtbus::list_topics();
+  snapshot.sessions = sessions_in(topics, true);
   auto chosen = choose_session(topics, wanted_);
-  if (!chosen && sessions_in(topics, true).empty()) {
+  if (!chosen && snapshot.sessions.empty()) {
     // All processes of the session on the screen have died: show what they left, until another session comes alive.
     const std::vector<std::string> left = sessions_in(topics, false);
     if (std::find(left.begin(), left.end(), session_) != left.end()) chosen = session_;
@@ -144,7 +203,7 @@ TopSnapshot TopCollector::collect() {
     }
   }
   find_nodes(topics);
-  add_nodes(snapshot);
+  add_nodes(snapshot, topics);
   add_topics(snapshot, topics);
   return snapshot;
 }

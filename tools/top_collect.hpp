@@ -1,7 +1,7 @@
 #pragma once
 /// @file top_collect.hpp
-/// Gathers what `rtbus top` shows, again and again, while nodes come and go. Reads only; the full-rate telemetry is
-/// left alone, so that watching costs the loops nothing.
+/// Gathers what `rtbus top` shows, again and again, while nodes come and go. Reads only, never waits for a writer and
+/// never rings it. Following the telemetry makes each haptic loop publish it: one copy of 240 bytes per tick.
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -11,7 +11,8 @@
 
 #include "rtbus/topic.hpp"
 #include "rtbus/topic_directory.hpp"
-#include "tools/top_view.hpp"
+#include "tools/top_signal.hpp"
+#include "tools/top_state.hpp"
 
 namespace tools {
 
@@ -19,7 +20,9 @@ namespace tools {
 template <rtbus::Sample T>
 class Follow {
  public:
-  Follow(rtbus::Session session, std::string topic) : session_(std::move(session)), topic_(std::move(topic)) {}
+  /// @param presence Lets the writer know that somebody looks.
+  Follow(rtbus::Session session, std::string topic, bool presence = false)
+      : session_(std::move(session)), topic_(std::move(topic)), presence_(presence) {}
 
   /// The newest sample, or the last good one; none before the first.
   const std::optional<rtbus::Stamped<T>>& newest() {
@@ -42,16 +45,19 @@ class Follow {
   }
 
   [[nodiscard]] bool writer_alive() const { return reader_ && reader_->writer_alive(); }
+  [[nodiscard]] std::uint64_t missed() const { return reader_ ? reader_->missed() : 0; }
 
  private:
   void attach() {
     if (reader_ && !reader_->replaced()) return;
-    auto opened = rtbus::Reader<T>::open(session_, topic_, {.from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
+    auto opened = rtbus::Reader<T>::open(
+        session_, topic_, {.presence = presence_, .from_oldest = true, .trust = rtbus::OwnerTrust::kAnyone});
     if (opened) reader_.emplace(std::move(*opened));
   }
 
   rtbus::Session session_;
   std::string topic_;
+  bool presence_;
   std::optional<rtbus::Reader<T>> reader_;
   std::optional<rtbus::Stamped<T>> newest_;
   std::uint64_t visited_until_ns_ = 0;
@@ -61,15 +67,29 @@ class Follow {
 class TopCollector {
  public:
   /// @param session None: the only live one, chosen anew when it ends.
-  explicit TopCollector(std::optional<std::string> session) : wanted_(std::move(session)) {}
+  /// @param telemetry Follow the haptic nodes' telemetry, which they publish only while somebody does.
+  TopCollector(std::optional<std::string> session, bool telemetry)
+      : wanted_(std::move(session)), telemetry_(telemetry) {}
 
+  /// Looks at everything: every topic is opened once, some hundred microseconds.
   [[nodiscard]] TopSnapshot collect();
+
+  /// Takes in the telemetry alone: often enough that its ring (two seconds) never overtakes.
+  void follow();
+
+  /// From now on this session, as if it had been named at the start.
+  void choose(const std::string& session) { wanted_ = session; }
+
+  /// The newest sample of one topic of the session, which is then held open, noticed by its writer, until another one
+  /// is asked for or leave_sample().
+  [[nodiscard]] SampleView sample(const std::string& topic);
+  void leave_sample() { sample_reader_.reset(); }
 
  private:
   struct Node;
   void follow_session(const std::string& session);
   void find_nodes(const std::vector<rtbus::TopicInfo>& topics);
-  void add_nodes(TopSnapshot& snapshot);
+  void add_nodes(TopSnapshot& snapshot, const std::vector<rtbus::TopicInfo>& topics);
   void add_topics(TopSnapshot& snapshot, const std::vector<rtbus::TopicInfo>& topics);
 
   struct Count {
@@ -78,9 +98,12 @@ class TopCollector {
     std::optional<double> rate_hz;
   };
   std::optional<std::string> wanted_;
+  bool telemetry_;
   std::string session_;
   std::map<std::string, std::shared_ptr<Node>> nodes_;  ///< By name.
   std::map<std::string, Count> counts_;                 ///< Topics, for their rates.
+  std::string sample_topic_;
+  std::optional<rtbus::RawReader> sample_reader_;
 };
 
 }  // namespace tools

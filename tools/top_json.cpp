@@ -1,5 +1,7 @@
 #include "tools/top_json.hpp"
 
+#include "tools/top_node_lines.hpp"
+
 namespace tools {
 
 namespace {
@@ -16,7 +18,9 @@ Json life_json(const NodeLife& life) {
           {"alive", life_text(life) == "alive"},
           {"writer_alive", life.writer_alive},
           {"heartbeat_age_s", or_null(life.heartbeat_age_s)},
-          {"pid", life.pid}};
+          {"pid", life.pid},
+          {"restarts", life.restarts},
+          {"process_age_s", life.process_age_s}};
 }
 
 Json stats_json(const rtbus::LoopStats& s) {
@@ -44,6 +48,23 @@ Json stats_json(const rtbus::LoopStats& s) {
   return json;
 }
 
+/// The last 10 s, from the telemetry.
+Json recent_json(const RecentView& recent) {
+  Json json = {{"ticks", recent.ticks},
+               {"missed", recent.missed},
+               {"wakeup_max_us", recent.wakeup_max_us},
+               {"compute_max_us", recent.compute_max_us},
+               {"jitter", {{"upper_edge_us", kJitterEdges_us}, {"ticks", recent.jitter}}}};
+  json["last_cut"] = nullptr;
+  if (recent.cut) {
+    json["last_cut"] = {{"why", cut_text(recent.cut->bits)},
+                        {"began_ago_s", recent.cut->began_ago_s},
+                        {"lasted_s", recent.cut->lasted_s},
+                        {"ongoing", recent.cut->ongoing}};
+  }
+  return json;
+}
+
 Json haptic_json(const HapticView& view) {
   Json json = {{"name", view.name}, {"life", life_json(view.life)}};
   if (view.info) {
@@ -62,6 +83,7 @@ Json haptic_json(const HapticView& view) {
                        {"limit", view.info ? Json(view.info->force_limit_n) : Json(nullptr)}};
     json["last_loss_age_s"] = or_null(view.loss_age_s);
   }
+  json["recent"] = view.recent ? recent_json(*view.recent) : Json(nullptr);
   if (view.device) {
     json["position_m"] = view.device->position_m;
     json["velocity_m_s"] = view.device->velocity_m_s;
@@ -83,6 +105,7 @@ Json physics_json(const PhysicsView& view) {
     json["rate_hz"] = view.stats->achieved_hz;
     json["rate_asked_hz"] = view.stats->rate_hz;
     json["steps"] = view.stats->steps;
+    json["steps_due"] = view.stats->due;
     json["late"] = view.stats->late;
     json["simulated_s"] = view.stats->simulated_s;
     json["step_ms"] = {
@@ -95,6 +118,7 @@ Json physics_json(const PhysicsView& view) {
 
 nlohmann::ordered_json top_json(const TopSnapshot& snapshot) {
   Json json = {{"schema", "rtbus-top/1"}, {"session", snapshot.session}, {"uptime_s", snapshot.uptime_s}};
+  json["message"] = snapshot.message.empty() ? Json(nullptr) : Json(snapshot.message);
   json["haptic"] = Json::array();
   for (const HapticView& view : snapshot.haptic) json["haptic"].push_back(haptic_json(view));
   json["physics"] = Json::array();

@@ -1,10 +1,10 @@
 #pragma once
 /// @file top_json.hpp
-/// The snapshot of `rtbus top --once --json`, schema rtbus-top/1. Names and units as in the run report
-/// (rtbus-report/1).
+/// The snapshot of `rtbus top --once --json` and of each line of `rtbus top --json`, schema rtbus-top/1. Names and
+/// units as in the run report (rtbus-report/1).
 #include <nlohmann/json.hpp>
 
-#include "tools/top_view.hpp"
+#include "tools/top_state.hpp"
 
 namespace tools {
 

@@ -1,90 +1,43 @@
 #pragma once
 /// @file top_view.hpp
-/// The screen of `rtbus top` as plain lines, made from a snapshot. Pure: no terminal, no clock, no shared memory.
-/// ASCII only, so that it looks the same on any terminal.
-#include <cstdint>
+/// The pages of `rtbus top` as lines of parts, made from what is known and what the user has chosen. Pure: no terminal,
+/// no clock, no shared memory.
 #include <optional>
 #include <string>
-#include <vector>
 
-#include "rtbus/messages.hpp"
+#include "tools/top_line.hpp"
+#include "tools/top_state.hpp"
 
 namespace tools {
 
-/// Signs of life of a node.
-struct NodeLife {
-  bool writer_alive = false;              ///< Its process holds its topics.
-  std::optional<double> heartbeat_age_s;  ///< Since the newest heartbeat; none before the first.
-  std::uint32_t pid = 0;
-};
+/// The page that the user has chosen: exactly `height` lines of at most `width` cells. With `height` 0 (for scripts)
+/// nothing is left out; with `width` 0 lines may have any length.
+/// @param sample What the topic page shows; the other pages do not need it.
+[[nodiscard]] Lines page_lines(const TopSnapshot& snapshot, const std::optional<SampleView>& sample,
+                               const TopChoice& choice, int width, int height);
 
-/// "alive"; "STALE 0.34 s" when the heartbeat is older than 60 ms (process stopped or starved); "GONE" when the process
-/// has ended without cleaning up; "starting" before the first heartbeat.
-[[nodiscard]] std::string life_text(const NodeLife& life);
+/// Nodes and topics. What does not fit is shortened in this order: topics down to three lines, then drawings, then
+/// the rest of the topics, then details of the nodes that are not chosen, then of the chosen one; what was left out is
+/// counted.
+[[nodiscard]] Lines overview_lines(const TopSnapshot& snapshot, const TopChoice& choice, int width, int height);
 
-struct HapticView {
-  std::string name;
-  NodeLife life;
-  std::optional<rtbus::NodeInfo> info;
-  std::optional<rtbus::LoopStats> stats;
-  std::optional<rtbus::DeviceState> device;
-  std::optional<double> force_n;     ///< RMS of the force over the last fraction of a second.
-  std::optional<double> loss_age_s;  ///< Since physics was last declared lost.
-};
+/// All topics, and the fields of the chosen one.
+[[nodiscard]] Lines topic_lines(const TopSnapshot& snapshot, const std::optional<SampleView>& sample,
+                                const TopChoice& choice, int width, int height);
 
-struct PhysicsView {
-  std::string name;
-  NodeLife life;
-  std::optional<rtbus::NodeInfo> info;
-  std::optional<rtbus::StepStats> stats;
-};
-
-struct TopicView {
-  std::string name;
-  std::optional<double> rate_hz;
-  std::uint64_t published = 0;
-  std::uint32_t writer_pid = 0;
-  bool writer_alive = false;
-  std::string problem;  ///< Why it cannot be read; empty when it can.
-};
-
-struct TopSnapshot {
-  std::string session;    ///< Empty: none is running.
-  std::string message;    ///< What to do when there is none, or several.
-  double uptime_s = 0.0;  ///< Since the oldest live writer took its topic.
-  bool paused = false;
-  std::vector<HapticView> haptic;
-  std::vector<PhysicsView> physics;
-  std::vector<TopicView> topics;
-};
-
-enum class Tone : std::uint8_t { kPlain, kHeading, kWarn, kBad, kDim };
-
-struct ViewLine {
-  std::string text;
-  Tone tone = Tone::kPlain;
-};
-
-/// Exactly `height` lines of at most `width` characters. What does not fit is shortened in this order: topics, then the
-/// details of the haptic nodes; what was left out is counted. With `height` 0 (for scripts) nothing is left out.
-[[nodiscard]] std::vector<ViewLine> top_lines(const TopSnapshot& snapshot, int width, int height);
-
-/// The help page, same shape.
-[[nodiscard]] std::vector<ViewLine> help_lines(int width, int height);
+[[nodiscard]] Lines help_lines(int width, int height);
 
 /// RMS of the force between two LoopStats of one node [N]: their RMS values go over everything since start, so the
 /// difference of the square sums is what happened in between. None when no tick lies between them.
 [[nodiscard]] std::optional<double> force_between(const rtbus::LoopStats& before, const rtbus::LoopStats& now);
 
-/// The text of a fixed-size field, up to its first zero.
-template <std::size_t N>
-[[nodiscard]] std::string text_of(const rtbus::Text<N>& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '\0') break;
-    out += c >= 0x20 && c < 0x7f ? c : '?';
+/// Where the chosen name stands; the first when it is not there.
+template <class Named>
+[[nodiscard]] std::size_t chosen_index(const std::vector<Named>& all, const std::string& name) {
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (all[i].name == name) return i;
   }
-  return out;
+  return 0;
 }
 
 }  // namespace tools

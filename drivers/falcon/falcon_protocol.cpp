@@ -17,6 +17,8 @@ constexpr double kExchangeHz = 1.5e6;  // nearest to the 1456312 that the maker'
 constexpr std::uint8_t kExchangeLatencyMs = 1;
 constexpr double kGravityM_s2 = 9.81;
 constexpr double kCarryRampS = 1.0;  // until the weight is carried in full
+constexpr double kLetGoS = 0.1;      // until it is let go, once no loop renders
+constexpr double kSilentS = 0.020;   // without an answer it is let go at once
 constexpr int kProbeFrames = 2;      // few: asking a Falcon without firmware may spoil the upload
 constexpr int kStartFrames = 100;
 constexpr double kFrameWaitS = 0.010;  // for an answer while nothing is at stake
@@ -190,13 +192,24 @@ UsbStatus FalconProtocol::send(usb::Channel& channel, const Vec3& force_n, doubl
   HostFrame frame;
   if (homed_ == kAllHomed) {
     frame.flags = static_cast<std::uint8_t>(kGreenLed | (settings_.keep_homing_flag ? kHoming : 0));
-    carried_ = std::min(1.0, carried_ + std::max(0.0, dt_s) / kCarryRampS);
+    // The weight is carried only while somebody answers for it: a loop that renders, a device that says where it is.
+    if (channel.now_ns() > accepted_ns_ + seconds_to_ns(kSilentS)) {
+      carried_ = 0.0;
+    } else if (live_) {
+      carried_ = std::min(1.0, carried_ + std::max(0.0, dt_s) / kCarryRampS);
+    } else {
+      carried_ = std::max(0.0, carried_ - std::max(0.0, dt_s) / kLetGoS);
+    }
     Eigen::Vector3d force(force_n[0], force_n[1], force_n[2]);
     if (!force.allFinite()) {
       force.setZero();
       ++counters_.clamped;
     }
     force.y() += carried_ * settings_.grip_mass_kg * kGravityM_s2;
+    if (const double norm = force.norm(); norm > settings_.max_force_n) {
+      force *= settings_.max_force_n / norm;
+      ++counters_.clamped;
+    }
     const MotorCommands commands =
         commands_for_force(kinematics_, position_m_, angles_rad_, force, settings_.command_gain);
     if (commands.limited) ++counters_.clamped;
@@ -246,6 +259,7 @@ bool FalconProtocol::accept(const DeviceFrame& frame, std::uint64_t now_ns, Devi
     return false;
   }
   homed_ = frame.homed;
+  accepted_ns_ = now_ns;
   const Eigen::Vector3d p_DT = position_m_ - settings_.centre_m;
   out = DeviceSample{};
   out.position_m = {p_DT.x(), p_DT.y(), p_DT.z()};

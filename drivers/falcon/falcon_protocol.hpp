@@ -35,6 +35,7 @@ struct FalconSettings {
   double command_gain = kGainMartinHillier;   ///< Counts per N·m of joint torque, calibration included.
   Eigen::Vector3d centre_m{0.0, 0.0, 0.120};  ///< Origin of D in B.
   double grip_mass_kg = 0.0;                  ///< Whose weight the motors carry.
+  double max_force_n = 8.0;                   ///< Of force and weight together, norm at the tip.
   bool keep_homing_flag = true;               ///< Also after homing.
   bool event_character = false;               ///< Ask the USB chip to send at each `>` instead of each millisecond.
 };
@@ -46,6 +47,7 @@ class FalconProtocol final : public usb::Protocol {
   [[nodiscard]] rtbus::Result<void, DeviceFault> bring_up(usb::Channel& channel) override;
   [[nodiscard]] usb::UsbStatus send(usb::Channel& channel, const Vec3& force_n, double dt_s,
                                     std::uint64_t deadline_ns) noexcept override;
+  void set_live(bool live) noexcept override { live_ = live; }
   [[nodiscard]] usb::ExchangeStatus receive(usb::Channel& channel, DeviceSample& out,
                                             std::uint64_t deadline_ns) noexcept override;
   void shut_down(usb::Channel& channel) noexcept override;
@@ -78,8 +80,10 @@ class FalconProtocol final : public usb::Protocol {
   int unanswered_ = 0;   ///< Commands whose answer may still come.
   int sends_since_ = 0;  ///< Sends since that became more than one.
   std::uint8_t homed_ = 0;
-  double carried_ = 0.0;        ///< Share of the grip's weight that the motors carry now, 0…1.
-  Eigen::Vector3d position_m_;  ///< Frame B.
+  bool live_ = true;
+  std::uint64_t accepted_ns_ = 0;  ///< When the last valid answer came.
+  double carried_ = 0.0;           ///< Share of the grip's weight that the motors carry now, 0…1.
+  Eigen::Vector3d position_m_;     ///< Frame B.
   Eigen::Vector3d angles_rad_;
   bool uploaded_ = false;
   UploadReport upload_;

@@ -70,7 +70,9 @@ void parse_force(Map& file, FalconSettings& settings) {
   const bool lnf = file.choice("force_gain", {"martin_hillier", "libnifalcon"}, "martin_hillier") == "libnifalcon";
   const double calibration = file.number("force_calibration", {0.2, 5.0}, 1.0);
   settings.command_gain = (lnf ? kGainLibnifalcon : kGainMartinHillier) * calibration;
-  settings.grip_mass_kg = file.number("grip_mass_kg", {0.0, 0.5}, lnf ? kGripMassLibnifalconKg : kGripMassKg);
+  // The default was found by feel in motor counts: what the calibration makes of a newton does not change it.
+  const double by_feel_kg = (lnf ? kGripMassLibnifalconKg : kGripMassKg) / calibration;
+  settings.grip_mass_kg = file.number("grip_mass_kg", {0.0, 0.5}, std::min(by_feel_kg, 0.5));
 }
 
 DeviceInfo default_info() {
@@ -101,7 +103,7 @@ void parse_limits(Map& map, DeviceInfo& info) {
   info.max_speed_m_s = map.number("max_speed_m_s", {0.05, 20.0}, info.max_speed_m_s);
   info.viscous_damping_n_s_per_m = map.number("viscous_n_s_per_m", {0.0, 20.0}, info.viscous_damping_n_s_per_m);
   info.coulomb_friction_n = map.number("coulomb_n", {0.0, 5.0}, info.coulomb_friction_n);
-  info.force_timeout_s = map.number("force_timeout_ms", {2.0, 1000.0}, info.force_timeout_s * 1e3) * 1e-3;
+  info.force_timeout_s = map.number("force_timeout_ms", {2.0, 50.0}, info.force_timeout_s * 1e3) * 1e-3;
   if (info.continuous_force_n > info.max_force_n) {
     map.fail("continuous_force_n", "exceeds limits.max_force_n; lower it or raise the peak");
   }
@@ -121,6 +123,7 @@ FalconFile read_settings(Map& file) {
     parse_limits(*limits, out.info);
     limits->finish();
   }
+  out.settings.max_force_n = out.info.max_force_n;
   return out;
 }
 

@@ -1,12 +1,11 @@
 #include "drivers/simulated/simulated_config.hpp"
 
 #include <algorithm>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "drivers/simulated/models.hpp"
+#include "drivers/simulated/model_config.hpp"
 #include "drivers/simulated/plant_link.hpp"
 #include "drivers/simulated/simulated_device.hpp"
 #include "drivers/simulated/vector.hpp"
@@ -17,20 +16,9 @@ namespace {
 using rtbus::config::Map;
 using rtbus::config::Range;
 
-// Of the plant's friction, what DeviceInfo promises. Stability limits are computed from the promise, so it has to hold
-// for a mechanism whose friction varies with pose and wear, as a real one's does.
-constexpr double kPromisedFriction = 0.8;
-
 Eigen::Vector3d vector(Map& map, std::string_view key, Range range, const Eigen::Vector3d& fallback) {
   const std::vector<double> v = map.numbers(key, 3, range, {fallback.x(), fallback.y(), fallback.z()});
   return {v[0], v[1], v[2]};
-}
-
-const Model& parse_model(Map& file) {
-  std::vector<std::string> names;
-  for (const Model& model : models()) names.emplace_back(model.name);
-  const std::string name = file.choice("model", names, names.front());
-  return *std::find_if(models().begin(), models().end(), [&](const Model& model) { return model.name == name; });
 }
 
 void parse_mechanics(Map& map, MechanicsParameters& m, DeviceInfo& info) {
@@ -47,37 +35,6 @@ void parse_mechanics(Map& map, MechanicsParameters& m, DeviceInfo& info) {
   m.end_stops = map.boolean("end_stops", true);
   info.force_timeout_s = map.number("force_timeout_ms", {1.0, 1000.0}, 20.0) * 1e-3;
   if (m.force_step_n > m.max_force_n) map.fail("force_step_n", "exceeds mechanics.max_force_n; lower it");
-}
-
-void parse_limits(Map& map, MechanicsParameters& m, DeviceInfo& info) {
-  info.continuous_force_n = map.number("continuous_force_n", {0.01, 100.0}, info.continuous_force_n);
-  info.thermal_time_constant_s = map.number("thermal_time_constant_s", {0.1, 3600.0}, info.thermal_time_constant_s);
-  info.max_slew_n_per_ms = map.number("max_slew_n_per_ms", {0.01, 100.0}, info.max_slew_n_per_ms);
-  info.max_stiffness_n_per_m = map.number("max_stiffness_n_per_m", {1.0, 20000.0}, info.max_stiffness_n_per_m);
-  info.max_speed_m_s = map.number("max_speed_m_s", {0.05, 20.0}, info.max_speed_m_s);
-  m.workspace_min_m = vector(map, "workspace_min_m", {-2.0, 2.0}, m.workspace_min_m);
-  m.workspace_max_m = vector(map, "workspace_max_m", {-2.0, 2.0}, m.workspace_max_m);
-  if ((m.workspace_min_m.array() >= m.workspace_max_m.array()).any()) {
-    map.fail("workspace_max_m", "is not above limits.workspace_min_m on every axis; raise it");
-  }
-  if (info.continuous_force_n > m.max_force_n) {
-    std::ostringstream peak;
-    peak << m.max_force_n;
-    map.fail("continuous_force_n",
-             "exceeds the peak mechanics.max_force_n = " + peak.str() + " N; lower it or raise the peak");
-  }
-}
-
-void complete_info(const MechanicsParameters& m, DeviceInfo& info) {
-  info.max_force_n = m.max_force_n;
-  info.position_quantum_m = m.position_quantum_m;
-  info.apparent_mass_kg = m.mass_kg;
-  info.viscous_damping_n_s_per_m = kPromisedFriction * m.viscous_n_s_per_m;
-  info.coulomb_friction_n = kPromisedFriction * m.coulomb_n;
-  info.workspace_min_m = to_array(m.workspace_min_m);
-  info.workspace_max_m = to_array(m.workspace_max_m);
-  info.can_pace_loop = true;
-  info.simulated = true;
 }
 
 }  // namespace

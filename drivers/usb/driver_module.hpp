@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/module_loader.hpp"
 #include "drivers/registry.hpp"
 #include "drivers/virtual_usb/registry.hpp"
 
@@ -42,8 +43,7 @@ struct UsbDriver {
 inline constexpr std::uint32_t kUsbAbiVersion = 1;
 
 struct UsbModule {
-  std::uint32_t abi_version;  ///< First, whatever else changes.
-  std::uint32_t info_bytes;   ///< sizeof(DeviceInfo) as the module saw it: catches a forgotten version.
+  ModuleHead head;  ///< First, whatever else changes.
   const UsbDriver* drivers;
   std::size_t driver_count;
   FoundDevices (*list)();
@@ -51,7 +51,6 @@ struct UsbModule {
   std::vector<std::string> (*kind_names)();
 };
 
-using UsbModuleFunction = const UsbModule* (*)();
 inline constexpr char kUsbModuleSymbol[] = "rtbus_usb_drivers";
 inline constexpr char kUsbModuleFile[] = "libdrivers_usb.so";
 

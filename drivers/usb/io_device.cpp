@@ -151,7 +151,9 @@ IoStatus IoDevice::read(std::uint64_t now_ns, DeviceSample& out) noexcept RTBUS_
 IoStatus IoDevice::write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING {
   if (state_.load(std::memory_order_acquire) != LinkState::kRunning) return IoStatus::kLost;
   Force force{command.force_n, now_ns};
-  const double norm = std::hypot(force.force_n[0], force.force_n[1], force.force_n[2]);
+  // Not std::hypot of three: libstdc++'s gives 0 for (0, NaN, 0).
+  const auto& [x, y, z] = force.force_n;
+  const double norm = std::sqrt(x * x + y * y + z * z);
   const double limit_n = settings_.info.max_force_n;
   if (!std::isfinite(norm)) {
     force.force_n = {};
@@ -219,16 +221,19 @@ void IoDevice::tell_figures() {
   const LinkFigures link = figures();
   if (link.protocol.exchanges == 0) return;
   const auto us = [](std::uint64_t ns) { return 1e-3 * static_cast<double>(ns); };
-  char text[320];
+  char text[400];
   std::snprintf(
       text, sizeof text,
-      "USB: %llu exchanges, %llu without answer, %llu bad frames, %llu late forces, %llu losses; sample to wire "
+      "USB: %llu exchanges, %llu without answer, %llu bad frames, %llu line errors, %llu commands limited, %llu late "
+      "forces, %llu timed out, %llu losses; sample to wire "
       "p50 %.0f us, p99 %.0f us; period p50 %.0f us, p99 %.0f us",
       static_cast<unsigned long long>(link.protocol.exchanges), static_cast<unsigned long long>(link.silences),
-      static_cast<unsigned long long>(link.protocol.bad_frames), static_cast<unsigned long long>(link.late_forces),
-      static_cast<unsigned long long>(link.losses), us(sample_to_wire_ns_.percentile(0.5)),
-      us(sample_to_wire_ns_.percentile(0.99)), us(sample_period_ns_.percentile(0.5)),
-      us(sample_period_ns_.percentile(0.99)));
+      static_cast<unsigned long long>(link.protocol.bad_frames),
+      static_cast<unsigned long long>(link.protocol.line_errors),
+      static_cast<unsigned long long>(link.protocol.clamped), static_cast<unsigned long long>(link.late_forces),
+      static_cast<unsigned long long>(link.timed_out), static_cast<unsigned long long>(link.losses),
+      us(sample_to_wire_ns_.percentile(0.5)), us(sample_to_wire_ns_.percentile(0.99)),
+      us(sample_period_ns_.percentile(0.5)), us(sample_period_ns_.percentile(0.99)));
   tell(text);
 }
 
@@ -291,10 +296,12 @@ UsbStatus IoDevice::send(Channel& channel) noexcept {
   const std::uint64_t now_ns = channel.now_ns();
   (void)forces_.take(force_);
   Vec3 force_n{};
+  bool live = false;
   if (state_.load(std::memory_order_relaxed) == LinkState::kRunning) {
-    const bool written = force_.time_ns != 0 && now_ns <= force_.time_ns + force_timeout_ns_;
+    const bool written = force_.time_ns > running_since_ns_ && now_ns <= force_.time_ns + force_timeout_ns_;
     const bool answering = now_ns <= last_answer_ns_ + force_timeout_ns_;
-    if (written && answering) {
+    live = written && answering;
+    if (live) {
       force_n = force_.force_n;
     } else if (force_.time_ns != 0) {
       bump(timed_out_);
@@ -303,6 +310,7 @@ UsbStatus IoDevice::send(Channel& channel) noexcept {
   const double dt_s =
       last_send_ns_ == 0 ? 1e-9 * static_cast<double>(period_ns_) : rtbus::seconds_between(last_send_ns_, now_ns);
   last_send_ns_ = now_ns;
+  protocol_->set_live(live);
   const UsbStatus status = protocol_->send(channel, force_n, dt_s, now_ns + nanoseconds(settings_.reply_timeout_s));
   // The force that answers a sample leaves once; a repetition says nothing about the delay.
   if (status == UsbStatus::kOk && awaited_ns_ != 0) sample_to_wire_ns_.record(channel.now_ns() - awaited_ns_);
@@ -313,8 +321,11 @@ UsbStatus IoDevice::send(Channel& channel) noexcept {
 ExchangeStatus IoDevice::receive(Channel& channel, DeviceSample& out) noexcept {
   const ExchangeStatus got =
       protocol_->receive(channel, out, channel.now_ns() + nanoseconds(settings_.reply_timeout_s));
-  if (got == ExchangeStatus::kSample) last_answer_ns_ = out.time_ns;
-  return got;
+  if (got != ExchangeStatus::kSample) return got;
+  last_answer_ns_ = out.time_ns;
+  // This process stood still with the answer waiting: where the hand was then says nothing about where it is.
+  const bool late = out.time_ns > last_send_ns_ + 2 * nanoseconds(settings_.reply_timeout_s);
+  return late ? ExchangeStatus::kNothing : got;
 }
 
 void IoDevice::publish(const DeviceSample& sample) noexcept {
@@ -322,11 +333,13 @@ void IoDevice::publish(const DeviceSample& sample) noexcept {
     sample_period_ns_.record(sample.time_ns - last_published_ns_);
   }
   last_published_ns_ = sample.time_ns;
+  const LinkState now = protocol_->readiness() == Readiness::kReady ? LinkState::kRunning : LinkState::kNotReady;
+  const LinkState before = state_.load(std::memory_order_relaxed);
+  if (now == LinkState::kRunning && before != now) running_since_ns_ = rtbus::monotonic_ns();
+  if (now == LinkState::kNotReady && before != now) set_state(now);  // before a pose without meaning can be read
   samples_.put({sample, ++sample_number_});
   newest_sample_.store(sample_number_, std::memory_order_seq_cst);
 
-  const LinkState now = protocol_->readiness() == Readiness::kReady ? LinkState::kRunning : LinkState::kNotReady;
-  const LinkState before = state_.load(std::memory_order_relaxed);
   if (now != before) {
     if (now == LinkState::kNotReady) {
       tell(protocol_->remedy());

@@ -167,6 +167,7 @@ class IoDevice final : public Device {
   Force force_;
   std::uint64_t sample_number_ = 0;
   std::uint64_t last_send_ns_ = 0;
+  std::uint64_t running_since_ns_ = 0;  ///< A force from before that answers another life of the device.
   std::uint64_t last_answer_ns_ = 0;
   std::uint64_t last_published_ns_ = 0;
   std::uint64_t awaited_ns_ = 0;  ///< Arrival of the sample that the next force answers; 0: none.

@@ -284,6 +284,7 @@ UsbStatus LibusbChannel::recover_from_stall() noexcept {
 
 UsbStatus LibusbChannel::read(std::span<std::uint8_t> out, std::size_t& got, std::uint64_t deadline_ns) noexcept {
   got = 0;
+  bool looked = false;  // at the bus: also a caller who may not wait gets what the kernel already has
   for (;;) {
     if (stop_.ends_waits()) return UsbStatus::kStopping;
     if (!arrived_.empty()) {
@@ -300,10 +301,11 @@ UsbStatus LibusbChannel::read(std::span<std::uint8_t> out, std::size_t& got, std
       return status;
     }
     if (lost_) return UsbStatus::kLost;
-    if (rtbus::monotonic_ns() >= deadline_ns) {
+    if (looked && rtbus::monotonic_ns() >= deadline_ns) {
       if (post_reads() == UsbStatus::kLost) return UsbStatus::kLost;
       return UsbStatus::kTimeout;
     }
+    looked = true;
     if (const UsbStatus status = handle_events(deadline_ns, nullptr); status != UsbStatus::kOk) return status;
   }
 }

@@ -48,9 +48,9 @@ std::vector<std::string> kind_names() {
 }  // namespace
 }  // namespace drivers::usb
 
-extern "C" const drivers::usb::UsbModule* rtbus_usb_drivers() {
+extern "C" const drivers::ModuleHead* rtbus_usb_drivers() {
   using namespace drivers::usb;
-  static const UsbModule module{kUsbAbiVersion, sizeof(drivers::DeviceInfo),      rows().data(), rows().size(),
-                                &list,          &drivers::virtual_usb::find_kind, &kind_names};
-  return &module;
+  static const UsbModule module{{kUsbAbiVersion}, rows().data(), rows().size(), &list, &drivers::virtual_usb::find_kind,
+                                &kind_names};
+  return &module.head;
 }

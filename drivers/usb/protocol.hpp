@@ -48,6 +48,10 @@ class Protocol {
   [[nodiscard]] virtual UsbStatus send(Channel& channel, const Vec3& force_n, double dt_s,
                                        std::uint64_t deadline_ns) noexcept = 0;
 
+  /// Told before each send: the loop renders and the device answers. Otherwise whatever the driver adds by itself (the
+  /// weight of a grip) has to fade within 0.1 s, for nobody looks after it.
+  virtual void set_live(bool live) noexcept { (void)live; }
+
   /// Second half: waits for the answer and decodes it. `out.time_ns` is when it arrived.
   [[nodiscard]] virtual ExchangeStatus receive(Channel& channel, DeviceSample& out,
                                                std::uint64_t deadline_ns) noexcept = 0;

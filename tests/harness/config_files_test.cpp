@@ -7,6 +7,10 @@
 #include "physics_node/engine_registry.hpp"
 #include "physics_node/node_config.hpp"
 #include "tests/support/bad_config.hpp"
+#include "tests/support/temporary_file.hpp"
+#if RTBUS_WITH_HDF5
+#include "tests/support/recording.hpp"
+#endif
 
 namespace {
 
@@ -40,14 +44,23 @@ TEST(ShippedSessions, AreAcceptedByEveryReader) {
 }
 
 TEST(ShippedDevices, AreAcceptedInASession) {
+  const tests::TemporaryFolder folder;
   const std::string config = std::string(RTBUS_SOURCE_DIR) + "/config/";
   int devices = 0;
   for (const auto& entry : std::filesystem::directory_iterator(config + "devices")) {
     if (entry.path().extension() != ".yaml") continue;
     ++devices;
-    EXPECT_NO_THROW(read_everything(config + "wall.yaml",
-                                    {rtbus::config::parse_override("haptic.0.device=" + entry.path().string())}))
-        << entry.path();
+    std::vector<Override> overrides{rtbus::config::parse_override("haptic.0.device=" + entry.path().string())};
+    if (entry.path().stem() == "replay") {  // names a recording that the user makes
+#if RTBUS_WITH_HDF5
+      const std::string recording = folder.path() / "trial1.h5";
+      tests::record_stillness(recording, 0.1);
+      overrides.push_back(rtbus::config::parse_override("haptic.0.device.file=" + recording));
+#else
+      continue;
+#endif
+    }
+    EXPECT_NO_THROW(read_everything(config + "wall.yaml", overrides)) << entry.path();
   }
   EXPECT_GE(devices, 5);
 }

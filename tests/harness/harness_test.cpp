@@ -192,8 +192,8 @@ TEST_P(BulletSession, RunsTwiceInTheSameWayAndTouches) {
   EXPECT_LE(peak_n, 7.9 + 1e-9);
 }
 
-// The hand rests on a plate that rises by 10 mm: at every tick the law's force follows from where hand and proxy are, the
-// proxy goes with the plate, and the hand, which has a grip of its own, feels it come and go.
+// The hand rests on a plate that rises by 10 mm: at every tick the law's force follows from where hand and proxy are,
+// the proxy goes with the plate, and the hand, which has a grip of its own, feels it come and go.
 TEST(MovingPlate, LiftsTheProxyAndTheForceFollowsTheLaw) {
   auto settings = session("moving_plate.yaml");
   Harness harness(settings, {});
@@ -214,8 +214,8 @@ TEST(MovingPlate, LiftsTheProxyAndTheForceFollowsTheLaw) {
   EXPECT_GT(highest_n - lowest_n, 0.8) << "10 mm against springs of 300 N/m in series";
 }
 
-// Both hands hold the block up: each force is what its own law says, the vertical parts carry the weight, the horizontal
-// ones squeeze and are equal.
+// Both hands hold the block up: each force is what its own law says, the vertical parts carry the weight, the
+// horizontal ones squeeze and are equal.
 TEST(TwoHands, LiftTheBlockEachWithItsOwnForce) {
   auto settings = session("two_hands.yaml");
   Harness harness(settings, {});

@@ -20,6 +20,9 @@
 #include "drivers/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "tests/conformance/devices/plant_process.hpp"
+#if RTBUS_WITH_HDF5
+#include "tests/support/recording.hpp"
+#endif
 
 namespace {
 thread_local bool counting_allocations = false;
@@ -57,11 +60,12 @@ constexpr std::uint64_t kTickNs = rtbus::kNsPerMs;
 
 struct Row {
   const char* driver;
-  const char* variant;  // for the name of the test
-  const char* device;   // a heavy tip that nobody holds and no weight pulls: what moves it is the force
-  double mass_kg;       // of that tip
-  bool stepped_clock;   // the device lives in handed-in time alone
-  bool own_process;     // needs a plant process
+  const char* variant;         // for the name of the test
+  const char* device;          // a heavy tip that nobody holds and no weight pulls: what moves it is the force
+  double mass_kg;              // of that tip
+  bool stepped_clock;          // the device lives in handed-in time alone
+  bool own_process;            // needs a plant process
+  bool ignores_force = false;  // its motion is what it was
 };
 
 void PrintTo(const Row& row, std::ostream* out) { *out << row.driver << " " << row.variant; }
@@ -80,6 +84,7 @@ constexpr Row kRows[] = {
      "{schema: device/1, driver: phantom, model: vintage, homing: counters, usb: {virtual: {mechanics: {mass_kg: 1, "
      "viscous_n_s_per_m: 0, coulomb_n: 0}}}}",
      1.0, false, false},
+    {"replay", "OfAHandThatStandsStill", "{schema: device/1, driver: replay, file: RECORDING}", 1.0, true, false, true},
 };
 
 // Without the ones whose module was not built.
@@ -96,7 +101,16 @@ std::vector<Row> present_rows() {
 class DeviceConformance : public ::testing::TestWithParam<Row> {
  protected:
   void SetUp() override {
-    session_.emplace(GetParam().device);
+    std::string device = GetParam().device;
+#if RTBUS_WITH_HDF5
+    if (const auto place = device.find("RECORDING"); place != device.npos) {
+      recording_ = std::filesystem::temp_directory_path() / ("rtbus-devtest-" + std::to_string(::getpid()) + ".h5");
+      std::filesystem::remove(recording_);
+      tests::record_stillness(recording_, 1.0);
+      device.replace(place, std::string("RECORDING").size(), recording_);
+    }
+#endif
+    session_.emplace(device);
     if (GetParam().own_process) plant_.emplace(*session_);
     device_ = session_->open_device();
     ASSERT_NE(device_, nullptr);
@@ -113,6 +127,7 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
     done_.store(true);
     if (housekeeping_.joinable()) housekeeping_.join();
     device_.reset();
+    if (!recording_.empty()) std::filesystem::remove(recording_);
   }
 
   void start() {
@@ -180,6 +195,7 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
   // Difference of speed that a measurement over 20 ms cannot tell from none.
   [[nodiscard]] double speed_noise_m_s() const { return 2.0 * device_->info().position_quantum_m / 0.020; }
 
+  std::string recording_;  ///< Written for the row that replays one.
   std::optional<SessionFile> session_;
   std::optional<PlantProcess> plant_;
   std::unique_ptr<Device> device_;
@@ -262,6 +278,7 @@ TEST_P(DeviceConformance, ClampsTheForceKeepsItsDirectionAndCounts) {
     ASSERT_NO_FATAL_FAILURE(write_for(1, {0.6 * 1000.0 * limit_n, -0.8 * 1000.0 * limit_n, 0.0}));
   }
   EXPECT_EQ(device_->clamped(), writes);
+  if (GetParam().ignores_force) return;
   DeviceSample after;
   tick();
   const Vector3d way = position(after) - from;
@@ -284,7 +301,8 @@ TEST_P(DeviceConformance, TakesANonFiniteForceAsZeroAndCounts) {
   tick();
   const Vector3d from = position(sample);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  write_for(20, {nan, 5.0, 5.0});
+  write_for(10, {nan, 5.0, 5.0});
+  write_for(10, {0.0, nan, 0.0});  // where std::hypot of three gives 0
   write_for(20, {5.0, std::numeric_limits<double>::infinity(), 5.0});
   EXPECT_EQ(device_->clamped(), 40u);
   tick();
@@ -293,6 +311,7 @@ TEST_P(DeviceConformance, TakesANonFiniteForceAsZeroAndCounts) {
 
 TEST_P(DeviceConformance, ForceEndsByItselfWhenWritesStop) {
   ASSERT_NO_FATAL_FAILURE(start());
+  if (GetParam().ignores_force) GTEST_SKIP() << "no force of this device acts on anything";
   write_for(30, {2.0, 0.0, 0.0});
   const int timeout_ticks = static_cast<int>(device_->info().force_timeout_s * 1e3) + 2;
   for (int i = 0; i < timeout_ticks; ++i) {

@@ -3,136 +3,176 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
+#include "haptic_node/safety.hpp"
+#include "tests/unit/tools/top_samples.hpp"
 #include "tools/top_json.hpp"
+#include "tools/top_marks.hpp"
 
 namespace {
 
 using testing::HasSubstr;
 using testing::Not;
+using tests::all;
+using tests::joined;
+using tests::snapshot;
+using tests::tone_at;
+using tools::overview_lines;
+using tools::Tone;
 
-template <std::size_t N>
-void set(rtbus::Text<N>& text, const char* value) {
-  std::strncpy(text.data(), value, N - 1);
+tools::TopChoice choice(bool utf8 = false) {
+  tools::TopChoice chosen;
+  chosen.utf8 = utf8;
+  return chosen;
 }
 
-tools::HapticView haptic(const std::string& name) {
-  tools::HapticView view;
-  view.name = name;
-  view.life = {true, 0.01, 4242};
-  view.info.emplace();
-  set(view.info->role, "haptic");
-  set(view.info->kind, "phantom_desktop");
-  set(view.info->method, "remote_virtual_coupling");
-  set(view.info->clock, "timer");
-  set(view.info->scheduling, "SCHED_FIFO");
-  view.info->force_limit_n = 8.0;
-  view.info->core = 1;
-  view.stats.emplace();
-  view.stats->rate_hz = 1000.0;
-  view.stats->achieved_hz = 999.9;
-  view.stats->ticks = 123'456'789;
-  view.stats->ticks_due = 123'456'800;
-  view.stats->overruns = 11;
-  view.stats->wakeup_max_us = 12'345.6;
-  view.stats->force_peak_n = 6.0;
-  view.stats->slew_limited = 7;
-  view.device.emplace();
-  view.device->position_m = {0.0123, -0.002, 0.0};
-  view.device->buttons = 0b101;
-  view.device->enabled = 1;
-  view.force_n = 4.0;
-  return view;
+std::string screen(const tools::TopSnapshot& of, int width, int height) {
+  return joined(overview_lines(of, choice(), width, height));
 }
-
-tools::TopSnapshot snapshot(int haptics = 1, int topics = 9) {
-  tools::TopSnapshot snapshot;
-  snapshot.session = "wall";
-  snapshot.uptime_s = 3725.0;
-  for (int i = 0; i < haptics; ++i) snapshot.haptic.push_back(haptic("haptic" + std::to_string(i)));
-  tools::PhysicsView physics;
-  physics.name = "physics";
-  physics.life = {true, 0.01, 4243};
-  physics.stats.emplace();
-  physics.stats->rate_hz = 18.0;
-  snapshot.physics.push_back(physics);
-  for (int i = 0; i < topics; ++i) {
-    snapshot.topics.push_back({"haptic0.topic_" + std::to_string(i), 1000.0, 5, 4242, true, ""});
-  }
-  return snapshot;
-}
-
-std::string joined(const std::vector<tools::ViewLine>& lines) {
-  std::string text;
-  for (const tools::ViewLine& line : lines) text += line.text + "\n";
-  return text;
-}
-
-std::string all(const tools::TopSnapshot& of) { return joined(tools::top_lines(of, 0, 0)); }
 
 class Windows : public testing::TestWithParam<std::pair<int, int>> {};
 INSTANTIATE_TEST_SUITE_P(TopView, Windows,
-                         testing::Values(std::pair{80, 24}, std::pair{120, 40}, std::pair{20, 5}, std::pair{1, 1},
-                                         std::pair{80, 2}));
+                         testing::Values(std::pair{80, 24}, std::pair{60, 20}, std::pair{120, 40}, std::pair{20, 5},
+                                         std::pair{1, 1}, std::pair{80, 2}, std::pair{300, 90}));
 
 TEST_P(Windows, AreFilledExactlyAndNeverExceeded) {
   const auto [width, height] = GetParam();
-  for (int haptics = 0; haptics < 6; ++haptics) {
-    for (const int topics : {0, 1, 9, 60}) {
-      const auto lines = tools::top_lines(snapshot(haptics, topics), width, height);
-      EXPECT_EQ(lines.size(), static_cast<std::size_t>(height));
-      for (const auto& line : lines) EXPECT_LE(line.text.size(), static_cast<std::size_t>(width)) << line.text;
-      EXPECT_THAT(lines.back().text, testing::StartsWith("q"));
+  for (const bool utf8 : {false, true}) {
+    for (int haptics = 0; haptics < 6; ++haptics) {
+      for (const int topics : {0, 1, 9, 60}) {
+        const auto lines = overview_lines(snapshot(haptics, topics), choice(utf8), width, height);
+        EXPECT_EQ(lines.size(), static_cast<std::size_t>(height));
+        for (const auto& line : lines)
+          EXPECT_LE(tools::cells_of(line.text()), static_cast<std::size_t>(width)) << line.text();
+        EXPECT_THAT(lines.back().text(), testing::StartsWith("q"));
+      }
     }
   }
   EXPECT_EQ(tools::help_lines(width, height).size(), static_cast<std::size_t>(height));
 }
 
-TEST(TopView, ShowsOneHandAndItsTopicsIn80x24WithoutCuttingALine) {
-  const auto lines = tools::top_lines(snapshot(), 80, 24);
-  const auto uncut = tools::top_lines(snapshot(), 0, 24);
-  EXPECT_EQ(joined(lines), joined(uncut));
-  EXPECT_THAT(joined(lines), HasSubstr("haptic0.topic_8"));
+TEST_P(Windows, ShowTopicPagesOfTheirSize) {
+  const auto [width, height] = GetParam();
+  tools::SampleView sample{"haptic0.topic_3", "rtbus/Something", "", 12, 0.001, {}};
+  for (int i = 0; i < 40; ++i) sample.fields.push_back({"field_" + std::to_string(i), "m", {1.5, 2.5, 3.5}});
+  for (const std::size_t scroll : {0u, 5u, 1000u}) {
+    auto chosen = choice(true);
+    chosen.scroll = scroll;
+    const auto lines = tools::topic_lines(snapshot(1, 60), sample, chosen, width, height);
+    EXPECT_EQ(lines.size(), static_cast<std::size_t>(height));
+    for (const auto& line : lines) EXPECT_LE(tools::cells_of(line.text()), static_cast<std::size_t>(width));
+  }
+}
+
+TEST(TopView, PointsToTheTopicPageWhereOneLineIsLeft) {
+  EXPECT_THAT(screen(snapshot(), 60, 20), HasSubstr("topics: 9, press t"));
+}
+
+TEST(ThreeFigures, AreThreeAlsoBelowOne) {
+  EXPECT_EQ(tools::three_figures(0.000361), "0.000361");
+  EXPECT_EQ(tools::three_figures(1.0), "1.00");
+  EXPECT_EQ(tools::three_figures(13.94), "13.9");
+  EXPECT_EQ(tools::three_figures(99.96), "100");
+  EXPECT_EQ(tools::three_figures(3642.4), "3642");
+  EXPECT_EQ(tools::three_figures(0.0), "0");
+}
+
+class UsualWindows : public testing::TestWithParam<std::pair<int, int>> {};
+INSTANTIATE_TEST_SUITE_P(TopView, UsualWindows,
+                         testing::Values(std::pair{80, 24}, std::pair{60, 20}, std::pair{120, 40}));
+
+TEST_P(UsualWindows, ShowEverythingOfOneHandAndItsPhysics) {
+  const auto [width, height] = GetParam();
+  const std::string text = screen(snapshot(), width, height);
+  for (const char* const each :
+       {"haptic0 alive", "rate      999.9 of 1000 Hz", "wake-up   p50 14.0", "jitter", "compute", "proxy age p50 1.00",
+        "force     [", "position", "energy", "safety    slew 7", "last cut", "physics alive", "step", "topics"})
+    EXPECT_THAT(text, HasSubstr(each));
+}
+
+TEST(TopView, UsesTheRoomOfALargeWindow) {
+  const std::string small = screen(snapshot(), 80, 24), large = screen(snapshot(), 120, 40);
+  EXPECT_THAT(small, Not(HasSubstr("90.000 %")));
+  EXPECT_THAT(large, HasSubstr("90.000 %"));  // the share of one bin, on a line of its own
+  EXPECT_THAT(large, HasSubstr("granted   SCHED_FIFO 80, core 1, memory locked"));
+}
+
+TEST(TopView, NeverCutsAFigureInTwo) {
+  // Every figure of the narrow screen stands in the wide one too, and ends at the same place.
+  const auto wide = overview_lines(snapshot(), choice(), 0, 24);
+  for (int width = 30; width < 100; ++width) {
+    const auto narrow = overview_lines(snapshot(), choice(), width, 24);
+    const std::string line = narrow[2].text();
+    const std::string kept = line.substr(0, line.find(" ~"));
+    EXPECT_TRUE(wide[2].text() == kept || wide[2].text().substr(kept.size(), 2) == "  ") << width << ": " << line;
+  }
 }
 
 TEST(TopView, CountsTheTopicsThatFindNoRoom) {
-  const std::string text = joined(tools::top_lines(snapshot(1, 40), 80, 24));
-  const auto shown = [&] {
-    std::size_t found = 0;
-    for (std::size_t at = text.find("haptic0.topic_"); at != std::string::npos;
-         at = text.find("haptic0.topic_", at + 1))
-      ++found;
-    return found;
-  }();
+  const std::string text = screen(snapshot(1, 60), 80, 24);
+  std::size_t shown = 0;
+  for (std::size_t at = text.find("haptic0.topic_"); at != std::string::npos; at = text.find("haptic0.topic_", at + 1))
+    ++shown;
   EXPECT_GT(shown, 0u);
-  EXPECT_THAT(text, HasSubstr("+ " + std::to_string(40 - shown) + " more"));
+  EXPECT_THAT(text, HasSubstr("+ " + std::to_string(60 - shown) + " more"));
 }
 
 TEST(TopView, DropsDetailsBeforeItDropsANode) {
-  const std::string text = joined(tools::top_lines(snapshot(3, 9), 80, 24));
+  const std::string text = screen(snapshot(3, 9), 80, 24);
   EXPECT_THAT(text, HasSubstr("haptic2 alive"));
   EXPECT_THAT(text, HasSubstr("physics alive"));
-  EXPECT_THAT(text, Not(HasSubstr("position")));
-  EXPECT_THAT(joined(tools::top_lines(snapshot(3, 9), 120, 40)), HasSubstr("position"));
+  // Only the chosen one in full.
+  EXPECT_THAT(text, HasSubstr("position"));
+  EXPECT_EQ(text.find("position"), text.rfind("position"));
+}
+
+TEST(TopView, DrawsTheChosenOneOfTwoHandsIn80x24) {
+  auto chosen = choice();
+  chosen.node = "haptic1";
+  const std::string text = joined(overview_lines(snapshot(2, 16), chosen, 80, 24));
+  EXPECT_THAT(text, HasSubstr("jitter"));
+  EXPECT_GT(text.find("jitter"), text.find("haptic1 alive"));
+}
+
+TEST(TopView, GivesTheRoomToTheChosenNode) {
+  auto chosen = choice();
+  chosen.node = "haptic2";
+  const std::string text = joined(overview_lines(snapshot(3, 9), chosen, 80, 24));
+  EXPECT_THAT(text, HasSubstr("position"));
+  EXPECT_GT(text.find("position"), text.find("haptic2 alive"));
+  chosen.node = "gone";
+  EXPECT_LT(joined(overview_lines(snapshot(3, 9), chosen, 80, 24)).find("position"), text.find("haptic2 alive"));
 }
 
 TEST(TopView, DrawsTheForceAgainstTheLimitWithThePeakAsAMark) {
   EXPECT_THAT(all(snapshot()), HasSubstr("[##########....|.....] now 4.00 of 8.0 N"));
+  EXPECT_EQ(tone_at(overview_lines(snapshot(), choice(), 80, 24), "now 4.00"), Tone::kGood);
+  auto hot = snapshot();
+  hot.haptic[0].force_n = 7.9;
+  EXPECT_EQ(tone_at(overview_lines(hot, choice(), 80, 24), "now 7.90"), Tone::kBad);
 }
 
 TEST(TopView, SurvivesForcesThatAreNoNumbers) {
   auto of = snapshot();
   of.haptic[0].force_n = std::numeric_limits<double>::quiet_NaN();
+  of.haptic[0].recent->force_n = {1.0, std::numeric_limits<double>::infinity(), 2.0};
   EXPECT_THAT(all(of), HasSubstr("[##############|#####]"));  // full: nothing may look harmless that is unknown
+  EXPECT_EQ(tone_at(overview_lines(of, choice(), 80, 24), "now nan"), Tone::kBad);
   of.haptic[0].force_n = 1e300;
   of.haptic[0].stats->force_peak_n = std::numeric_limits<double>::infinity();
-  EXPECT_THAT(all(of), HasSubstr("###|] now 1e+300 of 8.0 N  rms 0.00  peak inf N"));
+  EXPECT_THAT(all(of), HasSubstr("###|] now 1e+300 of 8.0 N  peak inf"));
   of.haptic[0].info->force_limit_n = 0.0;
   EXPECT_THAT(all(of), HasSubstr("[....................]"));
+}
+
+TEST(TopView, MakesASingleLateTickAmongTenThousandVisible) {
+  auto of = snapshot();
+  const auto lines = overview_lines(of, choice(), 80, 24);
+  EXPECT_EQ(tone_at(lines, "_ "), Tone::kWarn);  // the single wake-up beyond half a millisecond
+  of.haptic[0].recent->jitter = {0, 10'000, 0, 0, 0, 0, 0, 0, 0, 0};
+  EXPECT_EQ(tone_at(overview_lines(of, choice(), 80, 24), "_ "), std::nullopt);
 }
 
 TEST(TopView, NamesOnlyTheSafetyRungsThatActed) {
@@ -144,8 +184,22 @@ TEST(TopView, NamesOnlyTheSafetyRungsThatActed) {
   EXPECT_THAT(all(calm), HasSubstr("nothing acted"));
 }
 
+TEST(TopView, SaysWhenAndWhyTheForceWasCut) {
+  auto of = snapshot();
+  EXPECT_THAT(all(of), HasSubstr("last cut  none since this monitor looks"));
+  of.haptic[0].recent->cut = tools::CutView{haptic::kOverspeed, 3.25, 0.1, false};
+  EXPECT_THAT(all(of), HasSubstr("last cut  overspeed  3.2 s ago, for 0.100 s"));
+  of.haptic[0].recent->cut = tools::CutView{haptic::kStale | haptic::kDeviceLost, 0.5, 0.5, true};
+  EXPECT_THAT(all(of), HasSubstr("last cut  device lost, physics lost or silent  NOW, for 0.5 s"));
+  of.haptic[0].recent.reset();
+  EXPECT_THAT(all(of), HasSubstr("last cut  not followed"));
+  of.haptic[0].loss_age_s = 12.0;  // known from the statistics, also without telemetry
+  EXPECT_THAT(all(of), HasSubstr("last cut  physics lost  12 s ago"));
+}
+
 TEST(TopView, SaysWhichButtonsArePressedAndWhetherForcesAct) {
-  EXPECT_THAT(all(snapshot()), HasSubstr("buttons 0 2   forces on"));
+  EXPECT_THAT(all(snapshot()), HasSubstr("buttons 0 2"));
+  EXPECT_THAT(all(snapshot()), HasSubstr("forces on"));
   auto off = snapshot();
   off.haptic[0].device->enabled = 0;
   EXPECT_THAT(all(off), HasSubstr("forces OFF"));
@@ -154,11 +208,21 @@ TEST(TopView, SaysWhichButtonsArePressedAndWhetherForcesAct) {
 TEST(TopView, WarnsOfEnergyThatWasMade) {
   auto of = snapshot();
   of.haptic[0].stats->energy_absorbed_j = -0.5;
-  const auto lines = tools::top_lines(of, 0, 0);
-  const auto line = std::find_if(lines.begin(), lines.end(),
-                                 [](const auto& each) { return each.text.find("MADE 0.5 J") != std::string::npos; });
-  ASSERT_NE(line, lines.end());
-  EXPECT_EQ(line->tone, tools::Tone::kWarn);
+  EXPECT_EQ(tone_at(overview_lines(of, choice(), 0, 0), "MADE 0.5 J"), Tone::kWarn);
+}
+
+TEST(TopView, SaysWhetherPhysicsKeepsItsRate) {
+  auto of = snapshot();
+  EXPECT_THAT(all(of), HasSubstr("kept 18.0 of 18 Hz"));
+  of.physics[0].stats->achieved_hz = 9.0;
+  EXPECT_THAT(all(of), HasSubstr("TOO SLOW 9.0 of 18 Hz"));
+}
+
+TEST(TopView, CountsRestarts) {
+  EXPECT_THAT(all(snapshot()), Not(HasSubstr("restarts")));
+  auto of = snapshot();
+  of.haptic[0].life.restarts = 2;
+  EXPECT_THAT(all(of), HasSubstr("restarts 2, last 00:01:00 ago"));
 }
 
 TEST(TopView, ShowsANodeThatHasToldNothingYet) {
@@ -167,14 +231,55 @@ TEST(TopView, ShowsANodeThatHasToldNothingYet) {
   fresh.name = "haptic0";
   fresh.life.writer_alive = true;
   of.haptic.push_back(fresh);
-  EXPECT_THAT(all(of), HasSubstr("haptic0 starting"));
+  EXPECT_THAT(screen(of, 80, 24), HasSubstr("haptic0 starting"));
 }
 
 TEST(TopView, TellsWhatToDoWhenNothingRuns) {
   tools::TopSnapshot nothing;
   nothing.message = "no session is running";
-  EXPECT_THAT(joined(tools::top_lines(nothing, 80, 24)), HasSubstr("no session is running"));
-  EXPECT_THAT(joined(tools::top_lines(nothing, 12, 24)), HasSubstr("\nno session\nis running\n"));
+  EXPECT_THAT(screen(nothing, 80, 24), HasSubstr("no session is running"));
+  EXPECT_THAT(screen(nothing, 80, 24), HasSubstr("rtbus run config/wall.yaml"));
+  EXPECT_THAT(screen(nothing, 12, 24), HasSubstr("\nno session\nis running\n"));
+}
+
+TEST(TopView, OffersTheLiveSessionsByNumber) {
+  tools::TopSnapshot several;
+  several.message = "several";
+  several.sessions = {"left", "right"};
+  EXPECT_THAT(screen(several, 80, 24), HasSubstr("2  right"));
+}
+
+TEST(TopView, ShowsUnitsAsChosen) {
+  EXPECT_THAT(all(snapshot()), HasSubstr("x +12.3  y -2.0  z +0.0 mm"));
+  auto chosen = choice();
+  chosen.si = true;
+  const std::string text = joined(overview_lines(snapshot(), chosen, 0, 0));
+  EXPECT_THAT(text, HasSubstr("x +0.0123  y -0.0020  z +0.0000 m"));
+  EXPECT_THAT(text, HasSubstr("wake-up   p50 1.4e-05"));
+}
+
+TEST(TopicPage, ShowsTheFieldsOfTheChosenTopicInTheChosenUnits) {
+  auto chosen = choice();
+  chosen.page = tools::TopPage::kTopics;
+  chosen.topic = "haptic0.topic_3";
+  const tools::SampleView sample{"haptic0.topic_3",
+                                 "rtbus/Something",
+                                 "",
+                                 12,
+                                 0.001,
+                                 {{"position_m", "m", {0.0125}}, {"kind", "", {std::string("a")}}}};
+  const auto lines = tools::page_lines(snapshot(), sample, chosen, 80, 24);
+  EXPECT_EQ(tone_at(lines, "haptic0.topic_3"), Tone::kChosen);
+  EXPECT_THAT(joined(lines), testing::ContainsRegex("position_m +12.5 mm\n"));
+  chosen.si = true;
+  EXPECT_THAT(joined(tools::page_lines(snapshot(), sample, chosen, 80, 24)),
+              testing::ContainsRegex("position_m +0.0125 m\n"));
+}
+
+TEST(TopicPage, FollowsTheChosenTopicThroughALongList) {
+  auto chosen = choice();
+  chosen.topic = "haptic0.topic_57";
+  EXPECT_THAT(joined(tools::topic_lines(snapshot(1, 60), std::nullopt, chosen, 80, 24)), HasSubstr("haptic0.topic_57"));
 }
 
 TEST(LifeText, TellsDeadStoppedAndLivingApart) {
@@ -209,12 +314,17 @@ TEST(ForceBetween, IsZeroAndNotNanWhenTheForceHasCeased) {
 }
 
 TEST(TopJson, CarriesTheFiguresUnderTheNamesOfTheReport) {
-  const auto json = tools::top_json(snapshot());
+  auto of = snapshot();
+  of.haptic[0].recent->cut = tools::CutView{haptic::kOverspeed, 3.25, 0.1, false};
+  const auto json = tools::top_json(of);
   EXPECT_EQ(json["schema"], "rtbus-top/1");
   EXPECT_EQ(json["haptic"][0]["overruns"], 11);
   EXPECT_EQ(json["haptic"][0]["wakeup_latency_us"]["max"], 12'345.6);
   EXPECT_EQ(json["haptic"][0]["force_n"]["now"], 4.0);
   EXPECT_EQ(json["haptic"][0]["life"]["alive"], true);
+  EXPECT_EQ(json["haptic"][0]["recent"]["jitter"]["ticks"].size(),
+            json["haptic"][0]["recent"]["jitter"]["upper_edge_us"].size() + 1);
+  EXPECT_EQ(json["haptic"][0]["recent"]["last_cut"]["why"], "overspeed");
   EXPECT_EQ(json["physics"][0]["rate_asked_hz"], 18.0);
   EXPECT_EQ(json["topics"].size(), 9u);
 }
