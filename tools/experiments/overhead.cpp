@@ -275,7 +275,7 @@ void check_bits(const OverheadOptions& options, Experiment& experiment) {
   rtbus::Stamped<rtbus::BodyPoses> sample;
   const bool seen = reader && reader->read_latest(sample) == rtbus::ReadStatus::kFresh;
   experiment.check_between("overhead.bits.poses_seen", "stack_125: frames of body poses seen in the harness",
-                           seen ? static_cast<double>(sample.value.frame) : 0.0, "1", 50.0, 100.0);
+                           seen ? static_cast<double>(sample.value.frame) : 0.0, "1", 100.0, 200.0);
   experiment.check_between("overhead.bits.poses", "stack_125: force bit-identical with body poses observed",
                            observed == stack ? 1.0 : 0.0, "1", same, same);
 }
