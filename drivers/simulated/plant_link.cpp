@@ -20,7 +20,10 @@ rtbus::Result<void, DeviceFault> PlantLink::start(std::uint64_t) {
   const std::string topic = context_.node_name + ".plant_command";
   auto writer = rtbus::Publication<rtbus::PlantCommand>::create(context_.session, topic);
   if (!writer) return rtbus::Failure{DeviceFault{topic + ": " + rtbus::to_string(writer.error())}};
-  commands_.emplace(std::move(*writer));
+  {
+    const std::lock_guard lock(life_);
+    commands_.emplace(std::move(*writer));
+  }
   clamped_ = 0;
   have_state_ = false;
 
@@ -95,6 +98,7 @@ IoStatus PlantLink::write(std::uint64_t now_ns, const ForceCommand& command) noe
 }
 
 void PlantLink::stop() noexcept {
+  const std::lock_guard lock(life_);
   if (!commands_) return;
   commands_->publish({}, rtbus::monotonic_ns());
   commands_.reset();

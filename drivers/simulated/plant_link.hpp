@@ -5,6 +5,7 @@
 /// The plant publishes PlantState on `<node>.plant_state` and obeys PlantCommand on `<node>.plant_command`. Either side
 /// may die and come back: the plant goes to zero force by itself, this end reports kLost until states arrive again.
 #include <cstdint>
+#include <mutex>
 #include <optional>
 
 #include "drivers/device.hpp"
@@ -42,6 +43,7 @@ class PlantLink final : public Device {
   [[nodiscard]] std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING override { return clamped_; }
   void maintain() noexcept override {
     states_.maintain();
+    const std::lock_guard lock(life_);
     if (commands_) commands_->maintain();
   }
 
@@ -56,6 +58,7 @@ class PlantLink final : public Device {
   OpenContext context_;
   std::uint64_t sample_period_ns_;
   rtbus::Subscription<rtbus::PlantState> states_;
+  std::mutex life_;  ///< Housekeeping may run beside start() and stop(); the loop takes it never.
   std::optional<rtbus::Publication<rtbus::PlantCommand>> commands_;
   rtbus::Stamped<rtbus::PlantState> newest_;
   bool unread_ = false;      ///< newest_ came in by fetch() and was not handed out by read() yet.
