@@ -11,6 +11,7 @@
 
 #include "rtbus/clock.hpp"
 #include "tools/ask_kernel.hpp"
+#include "tools/loop_cores.hpp"
 
 namespace tools {
 namespace {
@@ -124,7 +125,9 @@ rtbus::Result<void, Fault> Recorder::follow(Followed& topic) {
 }
 
 rtbus::Result<void, Fault> Recorder::attach() {
-  for (const rtbus::TopicInfo& info : rtbus::list_topics(session_.name)) {
+  const std::vector<rtbus::TopicInfo> topics = rtbus::list_topics(session_.name);
+  keep_off_loops(topics);  // they may be there only now
+  for (const rtbus::TopicInfo& info : topics) {
     if (!info.problem.empty() || !info.writer_alive || !wants(info.topic)) continue;
     const auto known =
         std::find_if(topics_.begin(), topics_.end(), [&](const Followed& topic) { return topic.name == info.topic; });

@@ -19,6 +19,7 @@
 #include "tools/command.hpp"
 #include "tools/field_format.hpp"
 #include "tools/interrupt.hpp"
+#include "tools/loop_cores.hpp"
 
 namespace tools {
 namespace {
@@ -105,7 +106,9 @@ int stream(const StreamOptions& options) {
                        [&](const std::string& name) { return topic.find(name) != std::string::npos; });
   };
   const auto attach = [&] {
-    for (const rtbus::TopicInfo& info : rtbus::list_topics(*session)) {
+    const std::vector<rtbus::TopicInfo> there_now = rtbus::list_topics(*session);
+    keep_off_loops(there_now);
+    for (const rtbus::TopicInfo& info : there_now) {
       if (!info.problem.empty() || !info.writer_alive || !wanted(info.topic)) continue;
       const auto known = topics.find(info.topic);
       if (known != topics.end() && !known->second.reader.replaced()) continue;

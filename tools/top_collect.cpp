@@ -6,6 +6,7 @@
 
 #include "rtbus/clock.hpp"
 #include "tools/choose.hpp"
+#include "tools/loop_cores.hpp"
 #include "tools/top_view.hpp"
 #include "tools/topic_rate.hpp"
 
@@ -202,6 +203,7 @@ TopSnapshot TopCollector::collect() {
       snapshot.uptime_s = std::max(snapshot.uptime_s, rtbus::seconds_between(info.writer_start_ns, now_ns));
     }
   }
+  keep_off_loops(topics);
   find_nodes(topics);
   add_nodes(snapshot, topics);
   add_topics(snapshot, topics);
