@@ -21,6 +21,7 @@ using h5::Handle;
 
 constexpr std::size_t kMarkBytes = 256;
 constexpr hsize_t kChunkBytes = 32u << 10;
+constexpr std::size_t kIndexCacheBytes = 2u << 20;
 
 std::uint64_t unix_ns() {
   timespec now{};
@@ -52,6 +53,24 @@ hid_t native_type(FieldType type) noexcept {
     default:
       return H5T_NATIVE_UINT8;
   }
+}
+
+/// The newest format, for which readers may look on, and caches that do not grow with the file. Rows are only appended,
+/// so the chunk that is being filled and the next one are enough; the library's default, a mebibyte for each of some
+/// hundred columns, fills over hours. Said for the file and not for each dataset: H5Fstart_swmr_write opens them anew.
+Handle file_access() {
+  Handle access(H5Pcreate(H5P_FILE_ACCESS), &H5Pclose);
+  (void)H5Pset_libver_bounds(access.id(), H5F_LIBVER_LATEST, H5F_LIBVER_LATEST);
+  constexpr std::size_t kSlots = 7;  // a prime; of the hash table
+  (void)H5Pset_cache(access.id(), 0, kSlots, 2 * kChunkBytes, 1.0);
+  H5AC_cache_config_t cache{};
+  cache.version = H5AC__CURR_CACHE_CONFIG_VERSION;
+  if (H5Pget_mdc_config(access.id(), &cache) >= 0) {
+    cache.set_initial_size = true;
+    cache.initial_size = cache.min_size = cache.max_size = kIndexCacheBytes;
+    (void)H5Pset_mdc_config(access.id(), &cache);
+  }
+  return access;
 }
 
 /// One growing dataset and what waits to be written to it.
@@ -167,8 +186,7 @@ Result<Writer, Fault> Writer::create(const std::string& path, Metadata metadata)
   if (::access(path.c_str(), F_OK) == 0) {
     return Failure{Fault{path + " exists already; choose another name, or remove it first"}};
   }
-  const Handle access(H5Pcreate(H5P_FILE_ACCESS), &H5Pclose);
-  (void)H5Pset_libver_bounds(access.id(), H5F_LIBVER_LATEST, H5F_LIBVER_LATEST);
+  const Handle access = file_access();
   auto impl = std::make_unique<Impl>();
   impl->path = path;
   errno = 0;
@@ -270,8 +288,7 @@ Result<void, Fault> Writer::Impl::reopen() {
   }
   if (!file.reset()) return Failure{fault("cannot close " + path)};
   streaming = false;
-  const Handle access(H5Pcreate(H5P_FILE_ACCESS), &H5Pclose);
-  (void)H5Pset_libver_bounds(access.id(), H5F_LIBVER_LATEST, H5F_LIBVER_LATEST);
+  const Handle access = file_access();
   file = Handle(H5Fopen(path.c_str(), H5F_ACC_RDWR, access.id()), &H5Fclose);
   if (!file) return Failure{fault("cannot open " + path + " again")};
   const Handle marks(H5Gopen2(file.id(), "marks", H5P_DEFAULT), &H5Gclose);

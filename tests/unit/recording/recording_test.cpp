@@ -1,5 +1,6 @@
 // A recording gives back, bit for bit, what was put in; survives its writer; and says so when it was cut off.
 #include <gtest/gtest.h>
+#include <malloc.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -194,6 +195,27 @@ TEST_F(Recordings, end_in_order_when_the_disk_is_nearly_full) {
   ASSERT_TRUE(recording) << recording.error().message;
   EXPECT_TRUE(recording->complete());
   ASSERT_EQ(recording->find("t")->rows, 1u);  // what it had is in there
+}
+
+TEST_F(Recordings, keep_their_memory_however_long_they_are) {
+  auto writer = rec::Writer::create(path(), metadata());
+  ASSERT_TRUE(writer);
+  const auto topic = writer->add_topic("haptic0.telemetry", description_of<rtbus::Telemetry>());
+  const auto heap = [] {
+    const struct mallinfo2 now = ::mallinfo2();
+    return static_cast<double>(now.uordblks + now.hblkhd) / (1 << 20);
+  };
+  double early_mib = 0.0;
+  for (std::uint64_t i = 1; i <= 60'000; ++i) {
+    writer->append(*topic, i, 1000 * i, bytes_of(tick(i)));
+    if (i % 1000 == 0) {
+      ASSERT_TRUE(writer->flush());
+    }
+    if (i == 15'000) early_mib = heap();
+  }
+  // 11 MiB went through in between, and some hundred bytes of index for each chunk of 32 KiB.
+  EXPECT_LT(heap() - early_mib, 0.25);
+  ASSERT_TRUE(writer->close());
 }
 
 TEST_F(Recordings, do_not_overwrite) {
