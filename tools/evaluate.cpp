@@ -8,6 +8,7 @@
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
+#include "tools/experiments/work_precision.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -54,6 +55,14 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
       OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
       if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
       evaluate_overhead(overhead, experiment);
+    } else if (options.experiment == "work-precision") {
+      WorkPrecisionOptions precision;
+      precision.wall_file = find_session("wall.yaml");
+      precision.sphere_file = find_session("sphere.yaml");
+      precision.block_file = find_session("free_block.yaml");
+      precision.assignments = options.assignments;
+      precision.quick = options.quick;
+      evaluate_work_precision(precision, experiment);
     } else {
       DropOptions drop;
       drop.session_file = options.config.empty() ? find_session("drop_paper.yaml") : options.config;
@@ -78,9 +87,9 @@ Action add_evaluate(CLI::App& command) {
   command
       .add_option("experiment", options->experiment,
                   "drop: free fall onto a wall (paper, Figs 8 to 11); faults: what the hand feels when something dies; "
-                  "overhead: what each optional part costs")
+                  "overhead: what each optional part costs; work-precision: error against run time")
       ->required()
-      ->check(CLI::IsMember({"drop", "faults", "overhead"}));
+      ->check(CLI::IsMember({"drop", "faults", "overhead", "work-precision"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,
