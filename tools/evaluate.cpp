@@ -60,6 +60,7 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
       precision.wall_file = find_session("wall.yaml");
       precision.sphere_file = find_session("sphere.yaml");
       precision.block_file = find_session("free_block.yaml");
+      precision.stack_file = find_session("stack_125.yaml");
       precision.assignments = options.assignments;
       precision.quick = options.quick;
       evaluate_work_precision(precision, experiment);

@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "tools/experiments/precision_stack.hpp"
+
 namespace {
 
 using tools::PrecisionCell;
@@ -90,6 +94,16 @@ TEST(WorkPrecision, TheParetoFrontHoldsWhatNothingBeats) {
   }
   rows[4].trace.wanted_peak_n = 2.0;  // diverged: on no front
   EXPECT_EQ(tools::pareto_front(rows), (std::vector<std::size_t>{1, 0, 3}));
+}
+
+TEST(WorkPrecision, IntervalsAreStudents) {
+  // Ten values 1 … 10: mean 5.5, s = 3.0277, t(9) = 2.262: ± 2.1657.
+  std::vector<double> values;
+  for (int i = 1; i <= 10; ++i) values.push_back(i);
+  const tools::MeanInterval interval = tools::mean_interval(values);
+  EXPECT_DOUBLE_EQ(interval.mean, 5.5);
+  EXPECT_NEAR(interval.half_width, 2.1657, 1e-3);
+  EXPECT_TRUE(std::isnan(tools::mean_interval({1.0}).half_width));
 }
 
 }  // namespace

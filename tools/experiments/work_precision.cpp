@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "tools/experiments/precision_stack.hpp"
 #include "tools/interrupt.hpp"
 
 namespace tools {
@@ -187,6 +188,9 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
     compare(scene, reference_of(finest), options, experiment, progress);
   }
   experiment.add_table(std::move(orders));
+  if (!interrupted()) {
+    evaluate_precision_stack({options.stack_file, options.assignments, options.quick}, experiment, progress);
+  }
   progress.clear();
   if (interrupted()) experiment.note("interrupted: tables are not complete");
   experiment.note("each result of physics reaches the loop one full period after the hand's sample that it answers");

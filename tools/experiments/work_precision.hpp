@@ -11,8 +11,8 @@
 namespace tools {
 
 struct WorkPrecisionOptions {
-  std::string wall_file, sphere_file, block_file;  ///< Session files.
-  std::vector<std::string> assignments;            ///< After the experiment's own, so that they win.
+  std::string wall_file, sphere_file, block_file, stack_file;  ///< Session files.
+  std::vector<std::string> assignments;                        ///< After the experiment's own, so that they win.
   bool quick = false;
 };
 
