@@ -26,6 +26,7 @@ Action add_devices(CLI::App& command);
 Action add_device_test(CLI::App& command);
 Action add_virtual_device(CLI::App& command);
 Action add_bench(CLI::App& command);
+Action add_tune(CLI::App& command);
 Action add_still(CLI::App& command);
 Action add_stream(CLI::App& command);
 // In builds with HDF5:

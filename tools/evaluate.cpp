@@ -8,6 +8,8 @@
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
+#include "tools/experiments/work_precision.hpp"
+#include "tools/find_config.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -23,23 +25,13 @@ struct EvaluateOptions {
   bool json = false;
 };
 
-/// A session file of the project: from the folder where the command runs, else beside the build
-/// (build/bin/../../config).
-std::string find_session(const std::string& name) {
-  for (const std::string& folder : {std::string("config"), folder_of_this_program() + "/../../config"}) {
-    const std::filesystem::path file = std::filesystem::path(folder) / name;
-    if (std::filesystem::exists(file)) return std::filesystem::weakly_canonical(file).string();
-  }
-  throw rtbus::config::Error("config/" + name + " is neither here nor beside the program; name it with --config");
-}
-
 int evaluate(const EvaluateOptions& options, const std::string& command_line) {
   try {
     Experiment experiment("evaluate", options.experiment, command_line,
                           std::filesystem::path(options.out) / options.experiment);
     if (options.experiment == "faults") {
       FaultsOptions faults;
-      faults.session_file = options.config.empty() ? find_session("wall_own_plant.yaml") : options.config;
+      faults.session_file = options.config.empty() ? find_config("wall_own_plant.yaml") : options.config;
       faults.program = folder_of_this_program() + "/rtbus";
       faults.runs = options.quick ? 1 : 3;
       if (!options.assignments.empty()) {
@@ -51,12 +43,21 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
         throw rtbus::config::Error(
             "evaluate overhead compares sessions of its own: it takes neither --config nor --set");
       }
-      OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
+      OverheadOptions overhead{find_config("wall.yaml"), find_config("stack_125.yaml")};
       if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
       evaluate_overhead(overhead, experiment);
+    } else if (options.experiment == "work-precision") {
+      WorkPrecisionOptions precision;
+      precision.wall_file = find_config("wall.yaml");
+      precision.sphere_file = find_config("sphere.yaml");
+      precision.block_file = find_config("free_block.yaml");
+      precision.stack_file = find_config("stack_125.yaml");
+      precision.assignments = options.assignments;
+      precision.quick = options.quick;
+      evaluate_work_precision(precision, experiment);
     } else {
       DropOptions drop;
-      drop.session_file = options.config.empty() ? find_session("drop_paper.yaml") : options.config;
+      drop.session_file = options.config.empty() ? find_config("drop_paper.yaml") : options.config;
       drop.assignments = options.assignments;
       drop.real_runs = options.quick ? 1 : 5;
       evaluate_drop(drop, experiment);
@@ -78,9 +79,9 @@ Action add_evaluate(CLI::App& command) {
   command
       .add_option("experiment", options->experiment,
                   "drop: free fall onto a wall (paper, Figs 8 to 11); faults: what the hand feels when something dies; "
-                  "overhead: what each optional part costs")
+                  "overhead: what each optional part costs; work-precision: error against run time")
       ->required()
-      ->check(CLI::IsMember({"drop", "faults", "overhead"}));
+      ->check(CLI::IsMember({"drop", "faults", "overhead", "work-precision"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,

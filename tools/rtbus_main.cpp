@@ -36,6 +36,7 @@ constexpr Entry kCommands[] = {
     {"device-test", "Test a device step by step: encoders, buttons, a small force", &tools::add_device_test},
     {"virtual-device", "Offer a virtual USB device over USB/IP", &tools::add_virtual_device},
     {"evaluate", "Run an experiment and check its figures", &tools::add_evaluate},
+    {"tune", "Gains that a device bears at given rates", &tools::add_tune},
     {"bench", "Measure this machine: what a physics step costs", &tools::add_bench},
 };
 

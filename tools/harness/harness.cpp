@@ -1,5 +1,7 @@
 #include "tools/harness/harness.hpp"
 
+#include <time.h>
+
 #include <cstring>
 #include <stdexcept>
 #include <utility>
@@ -15,9 +17,45 @@ constexpr std::uint64_t kBeatPeriod_ns = 20 * rtbus::kNsPerMs;
 constexpr std::uint64_t kDeviceSilent_ns = 100 * rtbus::kNsPerMs;  // physics::Node::kDeviceSilentNs
 
 std::uint64_t to_ns(double seconds) { return static_cast<std::uint64_t>(seconds * 1e9 + 0.5); }
+
+double cpu_s() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
 }  // namespace
 
-Harness::Hand::Hand(haptic::HapticConfig settings, const rtbus::config::SessionConfig& session, std::uint64_t start_ns)
+/// A device that knows how long its read and write took.
+class TimedDevice final : public drivers::Device {
+ public:
+  explicit TimedDevice(std::unique_ptr<drivers::Device> device) : device_(std::move(device)) {}
+  [[nodiscard]] const drivers::DeviceInfo& info() const noexcept override { return device_->info(); }
+  [[nodiscard]] rtbus::Result<void, drivers::DeviceFault> start(std::uint64_t now_ns) override {
+    return device_->start(now_ns);
+  }
+  [[nodiscard]] drivers::IoStatus read(std::uint64_t now_ns, drivers::DeviceSample& out) noexcept override {
+    const std::uint64_t began_ns = rtbus::monotonic_ns();
+    const drivers::IoStatus status = device_->read(now_ns, out);
+    spent_ns_ += rtbus::monotonic_ns() - began_ns;
+    return status;
+  }
+  [[nodiscard]] drivers::IoStatus write(std::uint64_t now_ns, const drivers::ForceCommand& command) noexcept override {
+    const std::uint64_t began_ns = rtbus::monotonic_ns();
+    const drivers::IoStatus status = device_->write(now_ns, command);
+    spent_ns_ += rtbus::monotonic_ns() - began_ns;
+    return status;
+  }
+  [[nodiscard]] std::uint64_t clamped() const noexcept override { return device_->clamped(); }
+  void stop() noexcept override { device_->stop(); }
+  [[nodiscard]] std::uint64_t take_spent_ns() noexcept { return std::exchange(spent_ns_, 0); }
+
+ private:
+  std::unique_ptr<drivers::Device> device_;
+  std::uint64_t spent_ns_ = 0;
+};
+
+Harness::Hand::Hand(haptic::HapticConfig settings, const rtbus::config::SessionConfig& session, std::uint64_t start_ns,
+                    bool timed_device)
     : config(std::move(settings)) {
   if (config.device->own_process()) {
     throw std::runtime_error("the harness has no second process for a device with process: own");
@@ -25,6 +63,11 @@ Harness::Hand::Hand(haptic::HapticConfig settings, const rtbus::config::SessionC
   auto opened = config.device->open({.session = session.session, .node_name = config.name});
   if (!opened) throw std::runtime_error(opened.error().message);
   device = std::move(*opened);
+  if (timed_device) {
+    auto wrapped = std::make_unique<TimedDevice>(std::move(device));
+    timed = wrapped.get();
+    device = std::move(wrapped);
+  }
   // Packets are sampled by the harness, at its own phase: the loop offers every tick.
   config.wire.rate_hz.reset();
   loop = std::make_unique<haptic::Loop>(config, *device, link, false);
@@ -36,7 +79,8 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     : options_(options), now_ns_(kStart_ns), next_beat_ns_(kStart_ns) {
   bool needs_physics = false;
   for (std::size_t i = 0; i < session.haptic.size(); ++i) {
-    hands_.push_back(std::make_unique<Hand>(haptic::read_haptic_config(session, i), session, kStart_ns));
+    hands_.push_back(
+        std::make_unique<Hand>(haptic::read_haptic_config(session, i), session, kStart_ns, options.measure_cost));
     needs_physics = needs_physics || haptic::find_renderer(hands_.back()->config.method)->needs_physics;
   }
   if (session.physics && needs_physics) {
@@ -70,7 +114,12 @@ void Harness::step_physics(std::uint64_t begin_ns) {
       hand.silent = true;
     }
   }
+  const double began_s = options_.measure_cost ? cpu_s() : 0.0;
   stepper_->step(physics_->step_s(), physics_->parts_per_step());
+  if (options_.measure_cost) {
+    cost_.steps_s += cpu_s() - began_s;
+    ++cost_.steps;
+  }
   const std::uint64_t published_ns = physics_->throttle_hz ? begin_ns + to_ns(physics_->step_s()) : begin_ns;
   for (std::size_t i = 0; i < hands_.size(); ++i) {
     rtbus::Stamped<rtbus::ProxyState> answer;
@@ -106,6 +155,15 @@ void Harness::advance_physics(std::uint64_t now_ns) {
   }
 }
 
+void Harness::cycle(Hand& hand) {
+  const std::uint64_t began_ns = hand.timed != nullptr ? rtbus::monotonic_ns() : 0;
+  hand.loop->cycle(now_ns_, now_ns_);
+  if (hand.timed == nullptr) return;
+  const std::uint64_t all_ns = rtbus::monotonic_ns() - began_ns;
+  const std::uint64_t device_ns = hand.timed->take_spent_ns();
+  cost_.cycle_ns.record(all_ns > device_ns ? all_ns - device_ns : 0);
+}
+
 void Harness::run(double duration_s, const Observer& observer) {
   run_all(duration_s, [&observer](std::size_t node, const rtbus::Telemetry& telemetry) {
     if (node == 0 && observer) observer(telemetry);
@@ -125,7 +183,7 @@ void Harness::run_all(double duration_s, const ObserverOfAll& observer) {
     hand.next_tick_ns += hand.config.period_ns();
     advance_physics(now_ns_);
     if (hand.killed) continue;
-    hand.loop->cycle(now_ns_, now_ns_);
+    cycle(hand);
     hand.heard_ns = now_ns_;
     const rtbus::Telemetry& telemetry = hand.loop->telemetry();
     unsigned char bytes[sizeof telemetry];

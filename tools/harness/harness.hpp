@@ -17,6 +17,7 @@
 #include "physics_node/node_config.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/histogram.hpp"
 
 namespace tools {
 
@@ -28,7 +29,17 @@ struct HarnessOptions {
   double physics_phase_s = 0.0;
   double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
+  bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
 };
+
+/// What a run of the harness took of the real machine. The simulated device is not counted: nobody has one.
+struct HarnessCost {
+  rtbus::Histogram cycle_ns;  ///< Of all haptic nodes together.
+  std::uint64_t steps = 0;    ///< Of physics.
+  double steps_s = 0.0;       ///< CPU time of all of them.
+};
+
+class TimedDevice;
 
 /// The haptic nodes of a session with their physics, stepped by hand. What is said of "the" node is said of the first.
 class Harness {
@@ -65,6 +76,8 @@ class Harness {
   [[nodiscard]] const physics::Stepper* stepper() const noexcept { return stepper_.get(); }
   /// FNV-1a over every cycle's telemetry so far, of all nodes: the fingerprint of a run.
   [[nodiscard]] std::uint64_t hash() const noexcept { return hash_; }
+  /// Empty unless HarnessOptions::measure_cost.
+  [[nodiscard]] const HarnessCost& cost() const noexcept { return cost_; }
 
  private:
   /// The link of the simulated clock: newest state out, delayed answers in.
@@ -88,9 +101,11 @@ class Harness {
 
   /// One haptic node: device, loop, and its end of the link.
   struct Hand {
-    Hand(haptic::HapticConfig settings, const rtbus::config::SessionConfig& session, std::uint64_t start_ns);
+    Hand(haptic::HapticConfig settings, const rtbus::config::SessionConfig& session, std::uint64_t start_ns,
+         bool timed);
     haptic::HapticConfig config;
     std::unique_ptr<drivers::Device> device;
+    TimedDevice* timed = nullptr;  ///< The device, when its time is to be left out of the cost.
     Link link;
     std::unique_ptr<haptic::Loop> loop;
     std::deque<rtbus::Stamped<rtbus::ProxyState>> under_way;  ///< stamp_ns: when it arrives.
@@ -101,6 +116,7 @@ class Harness {
     bool silent = false;  ///< Physics has noticed.
   };
 
+  void cycle(Hand& hand);
   void advance_physics(std::uint64_t now_ns);
   void step_physics(std::uint64_t begin_ns);
   [[nodiscard]] bool physics_silent(std::uint64_t now_ns) const noexcept;
@@ -114,6 +130,7 @@ class Harness {
   std::uint64_t next_step_ns_ = 0;
   std::uint64_t next_beat_ns_ = 0;
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
+  HarnessCost cost_;
 };
 
 }  // namespace tools

@@ -1,0 +1,108 @@
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+
+#include "tools/experiments/work_precision.hpp"
+#include "tools/gnuplot.hpp"
+
+namespace tools {
+
+namespace {
+
+/// One mark and colour per method, the same in every figure; dark enough for print.
+struct Look {
+  const char* method;
+  const char* style;
+};
+constexpr Look kLooks[] = {
+    {"direct", "pt 5 lc rgb 'black'"},
+    {"virtual_coupling", "pt 4 lc rgb 'gray40'"},
+    {"remote_virtual_coupling", "pt 7 lc rgb '#1f5fa8'"},
+    {"interpolation", "pt 9 lc rgb '#c45a00'"},
+    {"interpolation_predicted", "pt 8 lc rgb '#a0308a'"},
+    {"local_contact", "pt 13 lc rgb '#1b7a35'"},
+};
+
+const char* style_of(const std::string& method) {
+  for (const Look& look : kLooks) {
+    if (method == look.method) return look.style;
+  }
+  return "pt 2 lc rgb 'gray50'";
+}
+
+std::vector<std::string> methods_of(const std::vector<PrecisionRow>& rows) {
+  std::vector<std::string> out;
+  for (const PrecisionRow& row : rows) {
+    if (std::find(out.begin(), out.end(), row.cell.method) == out.end()) out.push_back(row.cell.method);
+  }
+  return out;
+}
+
+bool is_plain(const PrecisionCell& cell) {
+  return cell.haptic_hz == 1000.0 && cell.engine_hz == 1000.0 && cell.solver_iterations == 0;
+}
+
+/// Columns: CPU [ms/s], force RMS [N], physics [Hz]. One file per method; diverged ones are left out, the table has
+/// them.
+void write_points(const std::filesystem::path& file, const std::vector<PrecisionRow>& rows, const std::string& method,
+                  bool plain) {
+  std::ofstream out(file);
+  out << "# CPU [ms/s]\tforce RMS [N]\tphysics [Hz]\thaptics [Hz]\n";
+  for (const PrecisionRow& row : rows) {
+    if (row.cell.method != method || row.trace.diverged() || (plain && !is_plain(row.cell))) continue;
+    out << 1e3 * row.trace.cpu_s_per_s << '\t' << row.error.force_rms_n << '\t' << row.cell.physics_hz << '\t'
+        << row.cell.haptic_hz << '\n';
+  }
+}
+
+}  // namespace
+
+void draw_precision(Experiment& experiment, const PrecisionScene& scene, const std::vector<PrecisionRow>& rows) {
+  const auto gnuplot = Gnuplot::find();
+  if (!gnuplot) {
+    experiment.note("gnuplot is not there: no figures");
+    return;
+  }
+  const std::string stem = "work_precision_" + scene.name;
+  {
+    std::ofstream front(experiment.folder() / (stem + "_front.tsv"));
+    front << "# CPU [ms/s]\tforce RMS [N]\n";
+    for (const std::size_t i : pareto_front(rows))
+      front << 1e3 * rows[i].trace.cpu_s_per_s << '\t' << rows[i].error.force_rms_n << '\n';
+  }
+  Figure figure;
+  figure.stem = stem;
+  figure.height_px = 900;
+  figure.body =
+      "set multiplot layout 2,1 title " +
+      gnuplot_quoted("Force error of each method, scene " + scene.name + "; physics answers one full period late") +
+      "\nset grid lc rgb 'gray80'\nset lmargin 11\nset rmargin 34\nset key outside right top Left reverse\n"
+      "set logscale xy\nset format y '%g'\nset ylabel 'force error, RMS [N]'\n"
+      "set xlabel 'CPU time of haptics and physics [ms per simulated second]'\nplot " +
+      gnuplot_quoted(stem + "_front.tsv") + " using 1:2 with steps lw 1.5 dt 2 lc rgb 'gray40' title 'Pareto front'";
+  const std::vector<std::string> methods = methods_of(rows);
+  for (const std::string& method : methods) {
+    const std::string file = stem + "_" + method + ".tsv";
+    write_points(experiment.folder() / file, rows, method, false);
+    figure.body += ", \\\n     " + gnuplot_quoted(file) + " using 1:2 with points ps 1.3 " + style_of(method) +
+                   " title " + gnuplot_quoted(method);
+  }
+  figure.body += "\nset xlabel 'results of physics [Hz]; haptic loop at 1 kHz'\nset format x '%g'\nplot ";
+  bool first = true;
+  for (const std::string& method : methods) {
+    const std::string file = stem + "_" + method + "_rates.tsv";
+    write_points(experiment.folder() / file, rows, method, true);
+    figure.body += (first ? "" : ", \\\n     ") + gnuplot_quoted(file) + " using 3:2 with linespoints ps 1.3 " +
+                   style_of(method) + " notitle";
+    first = false;
+  }
+  figure.body += "\nunset multiplot\n";
+  const auto drawn = gnuplot->draw(experiment.folder(), figure);
+  if (!drawn) {
+    experiment.note("no figure " + stem + ": " + drawn.error());
+    return;
+  }
+  for (const auto& file : *drawn) experiment.add_figure(file);
+}
+
+}  // namespace tools

@@ -1,0 +1,131 @@
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+
+#include "tools/experiments/wall_solution.hpp"
+#include "tools/experiments/work_precision.hpp"
+
+namespace tools {
+
+namespace {
+
+// One hand for the wall and its closed form: the session gets these numbers, and so does the solution.
+constexpr double kTouch_m = 0.020, kWay_m = 0.025, kSpeed_m_s = 0.05, kRamp_s = 0.1, kBegin_s = 0.5;
+constexpr double kWallStiffness = 500.0, kWallDamping = 1.0;
+constexpr double kDropStiffness = 200.0, kDropDamping = 0.02, kRelease_s = 0.5;
+constexpr double kHandStiffness = 300.0, kHandDamping = 3.0, kHandMass_kg = 0.08;
+
+std::string text(const char* format, double a, double b = 0.0, double c = 0.0, double d = 0.0, double e = 0.0) {
+  char out[400];
+  std::snprintf(out, sizeof out, format, a, b, c, d, e);
+  return out;
+}
+
+/// A device without quanta, and integrated finely: what is left is the method's own error.
+std::vector<std::string> exact_device() {
+  return {"haptic.0.device.mechanics.position_quantum_m=0", "haptic.0.device.mechanics.force_step_n=0",
+          "haptic.0.device.mechanics.integration_step_us=10"};
+}
+
+std::vector<std::string> push(const char* start, const char* direction, double way_m, double speed_m_s,
+                              double begin_s) {
+  return {
+      std::string("haptic.0.device.hand.start_m=") + start, std::string("haptic.0.device.hand.direction=") + direction,
+      text("haptic.0.device.hand.distance_m=%.17g", way_m), text("haptic.0.device.hand.speed_m_s=%.17g", speed_m_s),
+      text("haptic.0.device.hand.start_s=%.17g", begin_s),  text("haptic.0.device.hand.ramp_s=%.17g", kRamp_s)};
+}
+
+std::vector<std::string> gains(double stiffness, double damping) {
+  return {text("haptic.0.coupling.stiffness_n_per_m=%.17g", stiffness),
+          text("haptic.0.coupling.damping_n_s_per_m=%.17g", damping),
+          "haptic.0.proxy={mass_kg: 0.1}"};  // a point; its spring as stiff as the hand's
+}
+
+void append(std::vector<std::string>& to, const std::vector<std::string>& more) {
+  to.insert(to.end(), more.begin(), more.end());
+}
+
+PrecisionScene scene(const std::string& name, const std::string& file, const std::vector<std::string>& device,
+                     const std::vector<std::string>& coupling, const WorkPrecisionOptions& options) {
+  PrecisionScene out;
+  out.name = name;
+  out.session_file = file;
+  out.assignments = device;
+  append(out.assignments, exact_device());
+  append(out.assignments, coupling);
+  append(out.assignments, options.assignments);
+  return out;
+}
+
+}  // namespace
+
+PrecisionScene wall_scene(const WorkPrecisionOptions& options) {
+  std::vector<std::string> device{"haptic.0.device=devices/sim_phantom_desktop_push.yaml"};
+  append(device, push("[0, 0.02, 0]", "[0, -1, 0]", kWay_m, kSpeed_m_s, kBegin_s));
+  PrecisionScene out = scene("wall", options.wall_file, device, gains(kWallStiffness, kWallDamping), options);
+  out.from_s = kBegin_s;
+  out.until_s = 2.0;
+  return out;
+}
+
+PrecisionScene drop_scene(const WorkPrecisionOptions& options) {
+  PrecisionScene out = scene("drop", options.wall_file, {text("haptic.0.device.hand.release_s=%.17g", kRelease_s)},
+                             gains(kDropStiffness, kDropDamping), options);
+  out.from_s = kRelease_s;
+  out.until_s = 2.0;
+  return out;
+}
+
+PrecisionScene sphere_scene(const WorkPrecisionOptions& options) {
+  std::vector<std::string> device{"haptic.0.device=devices/sim_phantom_desktop_push.yaml"};
+  // Down onto the flank of the ball: the contact slides and its normal turns.
+  append(device, push("[0.01, 0.015, 0]", "[0.3, -1, 0]", 0.030, 0.05, kBegin_s));
+  PrecisionScene out = scene("sphere", options.sphere_file, device, gains(kWallStiffness, kWallDamping), options);
+  out.assignments.emplace_back("scene.bodies.0.friction=0");  // `direct` has none
+  out.from_s = kBegin_s;
+  out.until_s = 2.0;
+  return out;
+}
+
+PrecisionScene block_scene(const WorkPrecisionOptions& options) {
+  PrecisionScene out = scene("block", options.block_file, push("[0, 0, 0.02]", "[0, 0, -1]", 0.05, 0.05, kBegin_s),
+                             gains(kWallStiffness, kWallDamping), options);
+  out.assignments.insert(out.assignments.begin(), "scene.bodies.1.mass_kg=0.1");
+  out.assignments.emplace_back("haptic.0.proxy.radius_m=0.005");
+  out.axis = 2;
+  out.from_s = kBegin_s;
+  out.until_s = 2.5;
+  return out;
+}
+
+Reference wall_reference(const PrecisionScene& scene) {
+  WallParameters p;
+  p.stiffness_n_per_m = kWallStiffness;
+  p.damping_n_s_per_m = kWallDamping;
+  p.hand_stiffness_n_per_m = kHandStiffness;
+  p.hand_damping_n_s_per_m = kHandDamping;
+  p.hand_mass_kg = kHandMass_kg;
+  std::vector<HandPage> hand{{0.0, {kTouch_m, 0.0, 0.0, 0.0, 0.0}}};
+  for (HandPage page : push_pages(kTouch_m, -kWay_m, kSpeed_m_s, kRamp_s)) {
+    page.begin_s += kBegin_s;
+    hand.push_back(page);
+  }
+  auto solution = std::make_shared<WallSolution>(p, kTouch_m, hand, scene.until_s);
+  return [solution](double time_s) {
+    const WallMoment at = solution->at(time_s);
+    return ReferencePoint{at.height_m, at.force_n};
+  };
+}
+
+Reference drop_reference(const PrecisionScene& scene) {
+  WallParameters p;
+  p.stiffness_n_per_m = kDropStiffness;
+  p.damping_n_s_per_m = kDropDamping;
+  auto solution = std::make_shared<WallSolution>(p, kTouch_m, std::vector<HandPage>{}, scene.until_s - kRelease_s);
+  return [solution](double time_s) {
+    const WallMoment at = solution->at(time_s - kRelease_s);
+    return ReferencePoint{at.height_m, at.force_n};
+  };
+}
+
+}  // namespace tools
