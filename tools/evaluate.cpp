@@ -8,6 +8,7 @@
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
+#include "tools/experiments/stack.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -54,6 +55,13 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
       OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
       if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
       evaluate_overhead(overhead, experiment);
+    } else if (options.experiment == "stack") {
+      if (!options.config.empty()) {
+        throw rtbus::config::Error(
+            "evaluate stack runs stack_125, stack_250 and stack_500: it takes no --config; --set changes all of them");
+      }
+      const std::filesystem::path folder = std::filesystem::path(find_session("stack_125.yaml")).parent_path();
+      evaluate_stack({folder.string(), options.assignments, options.quick}, experiment);
     } else {
       DropOptions drop;
       drop.session_file = options.config.empty() ? find_session("drop_paper.yaml") : options.config;
@@ -76,11 +84,13 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
 Action add_evaluate(CLI::App& command) {
   auto options = std::make_shared<EvaluateOptions>();
   command
-      .add_option("experiment", options->experiment,
-                  "drop: free fall onto a wall (paper, Figs 8 to 11); faults: what the hand feels when something dies; "
-                  "overhead: what each optional part costs")
+      .add_option(
+          "experiment", options->experiment,
+          "drop: free fall onto a wall (paper, Figs 8 to 11); stack: a push into 125, 250 and 500 cubes (Figs 12 to "
+          "16, Table I); faults: what the hand feels when something dies; overhead: what each optional part "
+          "costs")
       ->required()
-      ->check(CLI::IsMember({"drop", "faults", "overhead"}));
+      ->check(CLI::IsMember({"drop", "stack", "faults", "overhead"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "tools/experiments/drop_sweeps.hpp"
+#include "tools/experiments/follow_session.hpp"
 #include "tools/interrupt.hpp"
 #include "tools/run_progress.hpp"
 
@@ -16,8 +17,6 @@ namespace tools {
 
 namespace {
 
-/// A run in which the machine itself paused for longer says nothing about us.
-constexpr double kMachinePause_ms = 5.0;
 constexpr double kRealRelease_s = 1.0;
 constexpr double kMinShare = 0.9;      // of a cell's runs in the harness
 constexpr double kMinRealShare = 0.8;  // of the runs that count: 4 of 5
