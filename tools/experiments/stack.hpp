@@ -47,6 +47,7 @@ struct PublishedStack {
 /// Both methods at equal mean force, under the simulated clock.
 struct StackPair {
   PushFigures interpolation, remote;
+  PushFigures remote_same_hand;  ///< Before the means were made equal.
   double hand_interpolation_n_per_m = 0.0, hand_remote_n_per_m = 0.0;
   PushTrace interpolation_trace, remote_trace;
   StillFrame remote_end;
@@ -60,7 +61,7 @@ struct StackPair {
 inline constexpr double kEqualMean = 0.10;
 
 /// Runs interpolation, then remote coupling; as long as their mean forces differ by more than kEqualMean, the hand of
-/// the remote coupling pushes the harder or softer in proportion, three times at most.
+/// the remote coupling pushes the harder or softer in proportion, five times at most.
 [[nodiscard]] StackPair compare_at_equal_mean(const StackOptions& options, const StackCell& cell);
 
 /// Runs all of it, draws it, and checks it.
