@@ -29,6 +29,8 @@ struct StackCell {
   bool compared;  ///< Both methods, in the harness too.
 };
 [[nodiscard]] std::span<const StackCell> stack_cells() noexcept;
+/// Of the pipe one stack tells enough for a quick look.
+[[nodiscard]] bool in_real_processes(const StackOptions& options, const StackCell& cell) noexcept;
 
 /// Of the hand's spring, a light grip, before means are made equal.
 inline constexpr double kStackHand_n_per_m = 100.0;
@@ -61,7 +63,7 @@ struct StackPair {
 inline constexpr double kEqualMean = 0.10;
 
 /// Runs interpolation, then remote coupling; as long as their mean forces differ by more than kEqualMean, the hand of
-/// the remote coupling pushes the harder or softer in proportion, five times at most.
+/// the remote coupling pushes the harder or softer, four times at most.
 [[nodiscard]] StackPair compare_at_equal_mean(const StackOptions& options, const StackCell& cell);
 
 /// Runs all of it, draws it, and checks it.

@@ -48,8 +48,7 @@ std::vector<StackRun> run_stacks(const StackOptions& options, const std::vector<
   std::vector<StackRun> runs;
   int paused = 0;
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    // Of the pipe one stack tells enough for a quick look.
-    if (options.quick && cells[i].pipe && cells[i].cubes != 125) continue;
+    if (!in_real_processes(options, cells[i])) continue;
     for (const char* method : {"interpolation", "remote_virtual_coupling"}) {
       const bool remote = std::string(method) == "remote_virtual_coupling";
       if (options.quick && !cells[i].compared && !remote) continue;
