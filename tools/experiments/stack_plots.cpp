@@ -81,8 +81,9 @@ Figure profiles_figure(const Profiles& wanted, const std::vector<StackPair>& pai
                 gnuplot_quoted(wanted.title).c_str());
   figure.body = std::string(text) + "set grid lc rgb 'gray80'\nset lmargin 9\nset rmargin 3\n";
   std::snprintf(text, sizeof text,
-                "set xrange [0:%g]\nset yrange [%g:%g]\nset ylabel 'force on the hand [N]'\nset key top left opaque\n",
-                end_s, low_n < 0.0 ? low_n * 1.1 : -0.1, high_n * 1.1);
+                "set xrange [0:%g]\nset yrange [%g:%g]\nset ylabel 'force on the hand [N]'\nset key top right "
+                "horizontal opaque\n",
+                end_s, low_n < 0.0 ? low_n * 1.1 : -0.1, high_n * 1.4);  // room for the key
   figure.body += text;
   for (const std::size_t i : panels) {
     if (i == panels.back()) figure.body += "set xlabel 'time [s]'\n";
@@ -113,8 +114,8 @@ Figure steps_figure(const std::vector<StackRun>& runs) {
   figure.stem = "stack_fig13";
   figure.body =
       "set title 'Time for one simulation step (paper, Fig. 13): throttled to the paper''s rates, real processes'\n"
-      "set grid lc rgb 'gray80'\nset logscale y\nset yrange [0.05:200]\nset ylabel 'engine time of a step [ms]'\n"
-      "set xlabel 'time [s]'\nset key top left opaque maxrows 3\nplot ";
+      "set grid lc rgb 'gray80'\nset logscale y\nset yrange [0.05:1000]\nset ylabel 'engine time of a step [ms]'\n"
+      "set xlabel 'time [s]'\nset key top right opaque maxrows 3\nplot ";
   std::string plot;
   for (std::size_t n = 0; n < published_stacks().size(); ++n) {
     const PublishedStack& paper = published_stacks()[n];
@@ -154,7 +155,7 @@ Figure rates_figure(const std::filesystem::path& folder, const std::vector<Stack
   figure.body =
       "set title 'Update rates (paper, Table I)'\nset grid lc rgb 'gray80'\nset logscale y\nset yrange [10:3000]\n"
       "set xrange [50:575]\nset xtics (125, 250, 500)\nset xlabel 'cubes'\nset ylabel 'rate [Hz]'\n"
-      "set key center right opaque\nset pointsize 1.8\n"
+      "set key outside below maxrows 3 samplen 2 width -6\nset pointsize 1.8\n"
       "plot 'stack_rates.tsv' using 1:3 with linespoints pt 4 lw 1.5 dt 2 lc rgb 'gray50' title 'haptics, paper', \\\n"
       "     '' using 1:5 with linespoints pt 7 lw 2 lc rgb '#2166ac' title 'haptics, ours', \\\n"
       "     '' using 1:6 with points pt 2 lw 2 lc rgb 'black' title 'bare loop beside it', \\\n"
