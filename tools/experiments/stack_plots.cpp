@@ -155,7 +155,7 @@ Figure rates_figure(const std::filesystem::path& folder, const std::vector<Stack
   figure.body =
       "set title 'Update rates (paper, Table I)'\nset grid lc rgb 'gray80'\nset logscale y\nset yrange [10:3000]\n"
       "set xrange [50:575]\nset xtics (125, 250, 500)\nset xlabel 'cubes'\nset ylabel 'rate [Hz]'\n"
-      "set key outside below maxrows 3 samplen 2 width -6\nset pointsize 1.8\n"
+      "set key outside below maxrows 3 samplen 2 width -3\nset pointsize 1.8\n"
       "plot 'stack_rates.tsv' using 1:3 with linespoints pt 4 lw 1.5 dt 2 lc rgb 'gray50' title 'haptics, paper', \\\n"
       "     '' using 1:5 with linespoints pt 7 lw 2 lc rgb '#2166ac' title 'haptics, ours', \\\n"
       "     '' using 1:6 with points pt 2 lw 2 lc rgb 'black' title 'bare loop beside it', \\\n"
