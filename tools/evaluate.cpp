@@ -1,15 +1,22 @@
 /// `rtbus evaluate EXPERIMENT`: reproducible experiments with their checks, tables and figures.
+#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "rtbus/config/document.hpp"
 #include "tools/command.hpp"
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
+#include "tools/experiments/stack.hpp"
 #include "tools/experiments/work_precision.hpp"
 #include "tools/find_config.hpp"
+#include "tools/interrupt.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -25,63 +32,135 @@ struct EvaluateOptions {
   bool json = false;
 };
 
-int evaluate(const EvaluateOptions& options, const std::string& command_line) {
+/// One experiment. Throws rtbus::config::Error when what the user asked for cannot be.
+struct Row {
+  const char* name;
+  const char* what;  ///< For --help.
+  bool takes_config;
+  bool takes_set;
+  void (*run)(const EvaluateOptions& options, Experiment& experiment);
+};
+
+std::string session_of(const EvaluateOptions& options, const char* own) {
+  return options.config.empty() ? find_config(own) : options.config;
+}
+
+void run_drop(const EvaluateOptions& options, Experiment& experiment) {
+  DropOptions drop;
+  drop.session_file = session_of(options, "drop_paper.yaml");
+  drop.assignments = options.assignments;
+  drop.real_runs = options.quick ? 1 : 5;
+  evaluate_drop(drop, experiment);
+}
+
+void run_stack(const EvaluateOptions& options, Experiment& experiment) {
+  const std::filesystem::path folder = std::filesystem::path(find_config("stack_125.yaml")).parent_path();
+  evaluate_stack({folder.string(), options.assignments, options.quick}, experiment);
+}
+
+void run_work_precision(const EvaluateOptions& options, Experiment& experiment) {
+  WorkPrecisionOptions precision;
+  precision.wall_file = find_config("wall.yaml");
+  precision.sphere_file = find_config("sphere.yaml");
+  precision.block_file = find_config("free_block.yaml");
+  precision.stack_file = find_config("stack_125.yaml");
+  precision.assignments = options.assignments;
+  precision.quick = options.quick;
+  evaluate_work_precision(precision, experiment);
+}
+
+void run_faults(const EvaluateOptions& options, Experiment& experiment) {
+  FaultsOptions faults;
+  faults.session_file = session_of(options, "wall_own_plant.yaml");
+  faults.program = folder_of_this_program() + "/rtbus";
+  faults.runs = options.quick ? 1 : 3;
+  evaluate_faults(faults, experiment);
+}
+
+void run_overhead(const EvaluateOptions& options, Experiment& experiment) {
+  OverheadOptions overhead{find_config("wall.yaml"), find_config("stack_125.yaml")};
+  if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
+  evaluate_overhead(overhead, experiment);
+}
+
+constexpr std::array kExperiments{
+    Row{"drop", "free fall onto a wall (paper, Figs 8 to 11)", true, true, &run_drop},
+    Row{"stack", "a push into 125, 250 and 500 cubes (Figs 12 to 16, Table I)", false, true, &run_stack},
+    Row{"work-precision", "force error against run time", false, true, &run_work_precision},
+    Row{"faults", "what the hand feels when something dies", true, false, &run_faults},
+    Row{"overhead", "what each optional part costs", false, false, &run_overhead},
+};
+constexpr const char* kAll = "all";
+
+int evaluate_one(const Row& row, const EvaluateOptions& options, const std::string& command_line) {
+  const std::string name = row.name;
   try {
-    Experiment experiment("evaluate", options.experiment, command_line,
-                          std::filesystem::path(options.out) / options.experiment);
-    if (options.experiment == "faults") {
-      FaultsOptions faults;
-      faults.session_file = options.config.empty() ? find_config("wall_own_plant.yaml") : options.config;
-      faults.program = folder_of_this_program() + "/rtbus";
-      faults.runs = options.quick ? 1 : 3;
-      if (!options.assignments.empty()) {
-        throw rtbus::config::Error("evaluate faults takes no --set; write a session file");
-      }
-      evaluate_faults(faults, experiment);
-    } else if (options.experiment == "overhead") {
-      if (!options.config.empty() || !options.assignments.empty()) {
-        throw rtbus::config::Error(
-            "evaluate overhead compares sessions of its own: it takes neither --config nor --set");
-      }
-      OverheadOptions overhead{find_config("wall.yaml"), find_config("stack_125.yaml")};
-      if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
-      evaluate_overhead(overhead, experiment);
-    } else if (options.experiment == "work-precision") {
-      WorkPrecisionOptions precision;
-      precision.wall_file = find_config("wall.yaml");
-      precision.sphere_file = find_config("sphere.yaml");
-      precision.block_file = find_config("free_block.yaml");
-      precision.stack_file = find_config("stack_125.yaml");
-      precision.assignments = options.assignments;
-      precision.quick = options.quick;
-      evaluate_work_precision(precision, experiment);
-    } else {
-      DropOptions drop;
-      drop.session_file = options.config.empty() ? find_config("drop_paper.yaml") : options.config;
-      drop.assignments = options.assignments;
-      drop.real_runs = options.quick ? 1 : 5;
-      evaluate_drop(drop, experiment);
+    if (!options.config.empty() && !row.takes_config) {
+      throw rtbus::config::Error("evaluate " + name + " has sessions of its own: it takes no --config");
     }
+    if (!options.assignments.empty() && !row.takes_set) {
+      throw rtbus::config::Error("evaluate " + name + " takes no --set" +
+                                 (row.takes_config ? "; write a session file and name it with --config" : ""));
+    }
+    Experiment experiment("evaluate", name, command_line, std::filesystem::path(options.out) / name);
+    row.run(options, experiment);
     return experiment.finish(options.json);
   } catch (const rtbus::config::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kExitUsage;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "evaluate %s: %s\n", options.experiment.c_str(), error.what());
+    std::fprintf(stderr, "evaluate %s: %s\n", name.c_str(), error.what());
     return kExitFailed;
   }
+}
+
+/// One after the other; the worst status of all.
+int evaluate_all(const EvaluateOptions& options, const std::string& command_line) {
+  if (!options.config.empty() || !options.assignments.empty()) {
+    std::fprintf(stderr, "evaluate all takes neither --config nor --set: not every experiment does\n");
+    return kExitUsage;
+  }
+  int worst = kExitFine;
+  std::vector<std::string> failed;
+  for (const Row& row : kExperiments) {
+    if (interrupted()) return kExitFailed;
+    if (!options.json) std::printf("\n== evaluate %s\n", row.name);
+    if (const int status = evaluate_one(row, options, command_line); status != kExitFine) {
+      worst = std::max(worst, status);
+      failed.emplace_back(row.name);
+    }
+  }
+  if (!options.json) {
+    std::printf("\n%zu of %zu experiments passed", kExperiments.size() - failed.size(), kExperiments.size());
+    for (const std::string& name : failed)
+      std::printf("%s %s", &name == &failed.front() ? "; failed:" : ",", name.c_str());
+    std::printf("\n");
+  }
+  return worst;
+}
+
+int evaluate(const EvaluateOptions& options, const std::string& command_line) {
+  if (options.experiment == kAll) return evaluate_all(options, command_line);
+  for (const Row& row : kExperiments) {
+    if (options.experiment == row.name) return evaluate_one(row, options, command_line);
+  }
+  return kExitUsage;  // the parser lets no other name through
 }
 
 }  // namespace
 
 Action add_evaluate(CLI::App& command) {
   auto options = std::make_shared<EvaluateOptions>();
-  command
-      .add_option("experiment", options->experiment,
-                  "drop: free fall onto a wall (paper, Figs 8 to 11); faults: what the hand feels when something dies; "
-                  "overhead: what each optional part costs; work-precision: error against run time")
+  std::vector<std::string> names;
+  std::string help;
+  for (const Row& row : kExperiments) {
+    names.emplace_back(row.name);
+    help += std::string(row.name) + ": " + row.what + "; ";
+  }
+  names.emplace_back(kAll);
+  command.add_option("experiment", options->experiment, help + "all: each of them")
       ->required()
-      ->check(CLI::IsMember({"drop", "faults", "overhead", "work-precision"}));
+      ->check(CLI::IsMember(names));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "tools/experiments/drop_sweeps.hpp"
+#include "tools/experiments/follow_session.hpp"
 #include "tools/interrupt.hpp"
 #include "tools/run_progress.hpp"
 
@@ -16,8 +17,6 @@ namespace tools {
 
 namespace {
 
-/// A run in which the machine itself paused for longer says nothing about us.
-constexpr double kMachinePause_ms = 5.0;
 constexpr double kRealRelease_s = 1.0;
 constexpr double kMinShare = 0.9;      // of a cell's runs in the harness
 constexpr double kMinRealShare = 0.8;  // of the runs that count: 4 of 5
@@ -62,13 +61,13 @@ double median(std::vector<double> values) {
 
 /// Until `options.real_runs` count, with as many more tries as runs, for a machine that pauses.
 void fall_in_processes(const DropOptions& options, const DropCase& each, Experiment& experiment, Table& runs,
-                       RunProgress& progress, Judged& out) {
+                       RunProgress& progress, double done, Judged& out) {
   for (int attempt = 1; out.real_counted < options.real_runs && attempt <= 2 * options.real_runs + 3; ++attempt) {
     if (interrupted()) return;
     char text[120];
     std::snprintf(text, sizeof text, "%s %s, real processes, run %d of %d", each.figure, each.method,
                   out.real_counted + 1, options.real_runs);
-    progress.show_share(static_cast<double>(&each - kCases.data()) / kCases.size(), text);
+    progress.show_share(done, text);
     const auto trace = fall_for_real(drop_setup(options, each, kRealRelease_s));
     if (!trace) {
       ++out.real_failed;
@@ -123,6 +122,41 @@ void check_case(const DropCase& each, const Judged& judged, int real_runs, Exper
     experiment.check_between(id + ".real.rest", what + "rest, real (median)", median(judged.real_rest_mm), "mm",
                              kRestLow_mm, kRestHigh_mm);
   }
+}
+
+/// The paper's whole loop: a named pipe with 50 packets per second, in real processes. At that rate the ramp alone
+/// delays a force by 20 ms, so both interpolations are expected to diverge (DropSensitivity pins that in the harness).
+Table fall_over_pipe(const DropOptions& options, Experiment& experiment, Table& runs, RunProgress& progress,
+                     int& paused) {
+  Table table{
+      "drop_pipe", {"figure", "method", "K [N/m]", "B [N s/m]", "paper", "ours, pipe at 50 Hz", "settling [s]"}, {}};
+  DropOptions pipe = options;
+  pipe.assignments = {"haptic.0.link=pipe", "haptic.0.link_rate_hz=50"};
+  pipe.assignments.insert(pipe.assignments.end(), options.assignments.begin(), options.assignments.end());
+  for (const DropCase& published : kCases) {
+    if (std::string(published.method) == "direct") continue;  // has no link
+    DropCase each = published;
+    const std::string id = std::string(published.id) + "_pipe";
+    each.id = id.c_str();
+    const bool remote = std::string(published.method) == "remote_virtual_coupling";
+    each.outcome = remote ? Outcome::kSettled : Outcome::kDiverged;
+    Judged judged;
+    fall_in_processes(pipe, each, experiment, runs, progress, 0.95, judged);
+    paused += judged.real_paused;
+    char text[64];
+    std::snprintf(text, sizeof text, "%s in %d of %d", to_string(each.outcome), judged.real_good, judged.real_counted);
+    const double settling_s = median(judged.real_settling_s);
+    table.rows.push_back({std::string(each.figure), std::string(each.method), each.stiffness_n_per_m,
+                          each.damping_n_s_per_m, std::string(each.published), std::string(text),
+                          std::isfinite(settling_s) ? Cell(settling_s) : Cell(std::string("-"))});
+    const double share = judged.real_counted > 0 ? static_cast<double>(judged.real_good) / judged.real_counted
+                                                 : std::numeric_limits<double>::quiet_NaN();
+    experiment.check_between("drop." + id + ".real.share",
+                             std::string(each.figure) + " " + each.method + " over a pipe at 50 Hz " +
+                                 to_string(each.outcome) + ", real runs that count",
+                             share, "1", kMinRealShare, 1.0);
+  }
+  return table;
 }
 
 std::vector<DropFigure> figures_of(const std::array<Judged, kCases.size()>& judged) {
@@ -216,7 +250,8 @@ void evaluate_drop(const DropOptions& options, Experiment& experiment) {
                         std::string(kCases[i].figure) + " " + kCases[i].method + ", harness");
     judged[i].harness = sweep_cells(options, kCases[i], cells, judged[i].worst_share);
     write_fall(experiment.folder() / (std::string(kCases[i].id) + ".tsv"), representative_fall(options, kCases[i]));
-    fall_in_processes(options, kCases[i], experiment, runs, progress, judged[i]);
+    fall_in_processes(options, kCases[i], experiment, runs, progress, static_cast<double>(i) / kCases.size(),
+                      judged[i]);
   }
   for (const double stiffness : {100.0, 500.0}) {
     const DropCase reference{"reference",       "", "direct", stiffness, 0.0001 * stiffness, "",
@@ -244,6 +279,7 @@ void evaluate_drop(const DropOptions& options, Experiment& experiment) {
     check_case(each, j, options.real_runs, experiment);
   }
   experiment.add_table(std::move(compared));
+  if (options.real_runs > 0) experiment.add_table(fall_over_pipe(options, experiment, runs, progress, paused));
   experiment.add_table(std::move(cells));
   if (options.real_runs > 0) experiment.add_table(std::move(runs));
   progress.show_share(1.0, "sensitivity");

@@ -16,6 +16,9 @@
 
 namespace tools {
 
+/// A run in which the machine itself paused for longer says nothing about us.
+inline constexpr double kMachinePause_ms = 5.0;
+
 struct FollowSetup {
   std::string session_file;
   std::vector<std::string> assignments;

@@ -18,9 +18,9 @@ double percentile(std::vector<double> values, double share) {
   return *at;
 }
 
-std::size_t touch_index(const PushTrace& trace) {
+std::size_t touch_index(const PushTrace& trace, double gap_mm) {
   std::size_t i = 0;
-  while (i < trace.force_n.size() && std::abs(trace.force_n[i]) < kTouch_n) ++i;
+  while (i < trace.way_mm.size() && trace.way_mm[i] < gap_mm) ++i;
   return i;
 }
 
@@ -42,24 +42,31 @@ void PushTrace::append(const rtbus::Stamped<rtbus::ProxyState>& step) {
   step_ms.push_back(step.value.step_compute_s * 1e3);
 }
 
-PushFigures judge_push(const PushTrace& trace) {
+PushFigures judge_push(const PushTrace& trace, double gap_mm) {
   PushFigures out;
-  const std::size_t first = touch_index(trace);
+  const std::size_t first = touch_index(trace, gap_mm);
   if (first == trace.force_n.size()) return out;
   out.touched_s = trace.time_s[first];
   out.roughness = roughness(std::span(trace.force_n).subspan(first), trace.rate_hz);
-  for (const double force : trace.force_n) out.peak_n = std::max(out.peak_n, std::abs(force));
+  for (std::size_t i = first; i < trace.force_n.size(); ++i) {
+    out.peak_n = std::max(out.peak_n, std::abs(trace.force_n[i]));
+  }
   return out;
 }
 
-PushTrace push_in_harness(const PushSetup& setup, const HarnessOptions& link) {
+PushTrace push_in_harness(const PushSetup& setup, const HarnessOptions& link, StillFrame* end) {
   std::vector<rtbus::config::Override> overrides;
   for (const std::string& text : setup.assignments) overrides.push_back(rtbus::config::parse_override(text));
   auto session = rtbus::config::load_session(setup.session_file, overrides);
   Harness harness(session, link);
   PushTrace trace;
   trace.rate_hz = harness.config().rate_hz;
-  harness.run(setup.duration_s, [&](const rtbus::Telemetry& tick) { trace.append(tick); });
+  std::vector<rtbus::Telemetry> last(harness.hands());
+  harness.run_all(setup.duration_s, [&](std::size_t hand, const rtbus::Telemetry& tick) {
+    last[hand] = tick;
+    if (hand == 0) trace.append(tick);
+  });
+  if (end != nullptr) *end = frame_of(session.scene, harness, last);
   return trace;
 }
 
@@ -87,7 +94,7 @@ std::optional<LivePush> push_for_real(const PushSetup& setup) {
   }
   out.worst_pause_ms = std::max(out.worst_pause_ms, out.bare.wakeup_max_us * 1e-3);
 
-  const std::size_t touched = touch_index(trace);
+  const std::size_t touched = touch_index(trace, setup.gap_mm);
   const double from_s = touched < trace.time_s.size() ? trace.time_s[touched] : 0.0;
   std::vector<double> steps_ms;
   double first_step_s = 0.0, last_step_s = 0.0;

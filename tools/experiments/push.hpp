@@ -10,6 +10,7 @@
 #include "tools/bare_loop.hpp"
 #include "tools/experiments/force_profile.hpp"
 #include "tools/harness/harness.hpp"
+#include "tools/still_frame.hpp"
 
 namespace tools {
 
@@ -30,26 +31,25 @@ struct PushTrace {
   double start_m_ = 0.0;
 };
 
-/// A force below this is no touch: encoder steps times stiffness, and the damper in free air.
-inline constexpr double kTouch_n = 0.05;
-
 struct PushFigures {
-  double touched_s = 0.0;  ///< First touch.
-  Roughness roughness;     ///< From then to the end.
+  double touched_s = 0.0;  ///< When the device had gone as far as the scene.
+  Roughness roughness;     ///< From then on.
   double peak_n = 0.0;
 };
 
-/// Pure. All zero when nothing was touched.
-[[nodiscard]] PushFigures judge_push(const PushTrace& trace);
+/// Pure. All zero when the device never went so far. Not the force tells the touch: remote coupling drags in free air.
+/// @param gap_mm Way of the device until its proxy touches the scene.
+[[nodiscard]] PushFigures judge_push(const PushTrace& trace, double gap_mm);
 
 struct PushSetup {
   std::string session_file;
   std::vector<std::string> assignments;
   double duration_s = 20.0;
+  double gap_mm = 10.0;  ///< As in judge_push().
 };
 
-/// Throws rtbus::config::Error.
-[[nodiscard]] PushTrace push_in_harness(const PushSetup& setup, const HarnessOptions& link);
+/// Throws rtbus::config::Error. @param end Takes the last instant, for a picture.
+[[nodiscard]] PushTrace push_in_harness(const PushSetup& setup, const HarnessOptions& link, StillFrame* end = nullptr);
 
 /// What real processes add: how fast they ran.
 struct LivePush {

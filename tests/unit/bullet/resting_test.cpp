@@ -47,6 +47,7 @@ TEST_P(RestingStack, StandsWhereItWasBuiltAndFallsAsleep) {
 INSTANTIATE_TEST_SUITE_P(Sizes, RestingStack,
                          testing::Values(Stack{"cubes_125", 5, 5, 5, 0.02, 1e-4, 1e-3, 10},
                                          Stack{"cubes_250", 10, 5, 5, 0.02, 1e-4, 1e-3, 10},
+                                         Stack{"cubes_250_as_in_the_session", 10, 5, 5, 0.02, 1e-4, 2e-3, 15},
                                          Stack{"cubes_500", 10, 10, 5, 0.02, 1e-4, 1e-3, 10},
                                          Stack{"cubes_500_as_in_the_session", 10, 10, 5, 0.02, 1e-3, 2e-3, 10},
                                          Stack{"grains_2_mm", 5, 5, 5, 0.002, 1e-5, 0.36e-3, 10},
