@@ -24,6 +24,23 @@ void BareLoop::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
+BareLoopFigures BareLoop::figures(const std::string& beside, double rate_hz) const {
+  const auto us = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-3; };
+  BareLoopFigures out;
+  out.beside = beside;
+  out.rate_hz = rate_hz;
+  out.scheduling = grant_.scheduling();
+  out.granted = grant_.summary();
+  out.ticks = pacer_.served();
+  out.due = pacer_.due();
+  out.overruns = pacer_.overruns();
+  out.wakeup_p50_us = us(wakeup_ns_.percentile(0.50));
+  out.wakeup_p99_us = us(wakeup_ns_.percentile(0.99));
+  out.wakeup_p999_us = us(wakeup_ns_.percentile(0.999));
+  out.wakeup_max_us = us(wakeup_ns_.max());
+  return out;
+}
+
 void BareLoop::run() noexcept {
   rtbus::name_this_thread("bare_loop");
   // Memory is not locked: that would pin the whole tool for the sake of one page of stack, which is touched all the

@@ -13,6 +13,16 @@
 
 namespace tools {
 
+/// The same loop without any work, beside the haptic loop.
+struct BareLoopFigures {
+  std::string beside;  ///< "haptic0"
+  double rate_hz = 0.0;
+  std::string scheduling;  ///< "SCHED_FIFO" or "SCHED_OTHER".
+  std::string granted;     ///< RealtimeGrant::summary().
+  std::uint64_t ticks = 0, due = 0, overruns = 0;
+  double wakeup_p50_us = 0.0, wakeup_p99_us = 0.0, wakeup_p999_us = 0.0, wakeup_max_us = 0.0;
+};
+
 struct BareLoopOptions {
   std::uint64_t period_ns = 1'000'000;
   std::uint64_t phase_ns = 0;  ///< A deadline of the haptic loop; ours lie half a period beside it.
@@ -33,6 +43,8 @@ class BareLoop {
   [[nodiscard]] const rtbus::Pacer& pacer() const noexcept { return pacer_; }
   [[nodiscard]] const rtbus::Histogram& wakeup_ns() const noexcept { return wakeup_ns_; }
   [[nodiscard]] const rtbus::RealtimeGrant& grant() const noexcept { return grant_; }
+  /// For a report. @param beside, rate_hz Name and rate of the haptic loop.
+  [[nodiscard]] BareLoopFigures figures(const std::string& beside, double rate_hz) const;
 
  private:
   void run() noexcept;

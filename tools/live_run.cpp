@@ -62,24 +62,6 @@ struct Snapshot {
   }
 };
 
-BareLoopFigures bare_figures(const BareLoop& bare, const haptic::HapticConfig& beside) {
-  const rtbus::Histogram& wakeup = bare.wakeup_ns();
-  const auto us = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-3; };
-  BareLoopFigures out;
-  out.beside = beside.name;
-  out.rate_hz = beside.rate_hz;
-  out.scheduling = bare.grant().scheduling();
-  out.granted = bare.grant().summary();
-  out.ticks = bare.pacer().served();
-  out.due = bare.pacer().due();
-  out.overruns = bare.pacer().overruns();
-  out.wakeup_p50_us = us(wakeup.percentile(0.50));
-  out.wakeup_p99_us = us(wakeup.percentile(0.99));
-  out.wakeup_p999_us = us(wakeup.percentile(0.999));
-  out.wakeup_max_us = us(wakeup.max());
-  return out;
-}
-
 /// One run, from the first child to the last line.
 class Run {
  public:
@@ -345,7 +327,10 @@ void Run::fill_report(const Snapshot& first, const Snapshot& last) {
     report_.physics->cost = cost("physics");
     for (const auto& observer : observers_) report_.physics->proxies.push_back(observer->proxy_figures());
   }
-  if (bare_) report_.bare_loop = bare_figures(*bare_, observers_.front()->config());
+  if (bare_) {
+    const haptic::HapticConfig& beside = observers_.front()->config();
+    report_.bare_loop = bare_->figures(beside.name, beside.rate_hz);
+  }
   for (const rtbus::TopicInfo& topic : last.topics) {
     report_.shm_bytes += topic.segment_bytes;
     const auto before = std::find_if(first.topics.begin(), first.topics.end(),

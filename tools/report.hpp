@@ -10,6 +10,7 @@
 
 #include "rtbus/messages.hpp"
 #include "tools/ask_kernel.hpp"
+#include "tools/bare_loop.hpp"
 #include "tools/impulse_balance.hpp"
 #include "tools/live_error.hpp"
 
@@ -39,16 +40,6 @@ struct HapticFigures {
   double ledger_min_j = 0.0;              ///< Lowest level of the passivity reservoir.
   std::optional<StalenessFigures> error;  ///< None: needs no physics, or nothing could be compared.
   ProcessCost cost;
-};
-
-/// The same loop without any work, beside the haptic loop.
-struct BareLoopFigures {
-  std::string beside;  ///< "haptic0"
-  double rate_hz = 0.0;
-  std::string scheduling;  ///< "SCHED_FIFO" or "SCHED_OTHER".
-  std::string granted;     ///< RealtimeGrant::summary().
-  std::uint64_t ticks = 0, due = 0, overruns = 0;
-  double wakeup_p50_us = 0.0, wakeup_p99_us = 0.0, wakeup_p999_us = 0.0, wakeup_max_us = 0.0;
 };
 
 /// The proxy of one haptic node, as physics published it.

@@ -1,17 +1,11 @@
 #include "tools/experiments/fall.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "haptic_node/safety.hpp"
 #include "rtbus/clock.hpp"
-#include "rtbus/topic.hpp"
-#include "tools/interrupt.hpp"
-#include "tools/run_plan.hpp"
-#include "tools/supervisor.hpp"
+#include "tools/experiments/follow_session.hpp"
 
 namespace tools {
 
@@ -117,43 +111,11 @@ FallTrace fall_in_harness(const FallSetup& setup, const HarnessOptions& link) {
 }
 
 std::optional<FallTrace> fall_for_real(const FallSetup& setup) {
-  static int runs = 0;
-  std::vector<std::string> assignments = setup.assignments;
-  assignments.push_back("session=drop-" + std::to_string(getpid()) + "-" + std::to_string(++runs));
-  const RunPlan plan = make_run_plan(setup.session_file, assignments);
-  const haptic::HapticConfig& haptic = plan.haptic.front();
-  Supervisor supervisor([](const std::string&, std::string_view) {});
-  for (const ChildSpec& node : plan.nodes) {
-    if (auto started = supervisor.start(node); !started) {
-      std::fprintf(stderr, "%s\n", started.error().c_str());
-      return std::nullopt;
-    }
-  }
+  FollowedSession session({setup.session_file, setup.assignments, "drop", setup.duration_s});
   FallTrace trace;
-  trace.max_force_n = haptic.safety.max_force_n;
-  if (plan.physics) trace.step_s = plan.physics->physics.step_s();
-  constexpr double kStartPatience_s = 10.0;
-  std::optional<rtbus::Reader<rtbus::Telemetry>> reader;
-  const std::uint64_t began_ns = rtbus::monotonic_ns();
-  while (trace.time_s.empty() || trace.time_s.back() < setup.duration_s) {
-    if (!sleep_unless_interrupted(20 * rtbus::kNsPerMs)) return std::nullopt;
-    if (const auto end = supervisor.poll()) {
-      std::fprintf(stderr, "%s %s\n", end->name.c_str(), end->how().c_str());
-      for (const std::string& line : end->last_words) std::fprintf(stderr, "  %s\n", line.c_str());
-      return std::nullopt;
-    }
-    if (rtbus::seconds_between(began_ns, rtbus::monotonic_ns()) > setup.duration_s + kStartPatience_s) {
-      std::fprintf(stderr, "no telemetry of %s within %g s\n", haptic.name.c_str(), kStartPatience_s);
-      return std::nullopt;
-    }
-    if (!reader) {
-      auto opened = rtbus::Reader<rtbus::Telemetry>::open(plan.session, haptic.name + ".telemetry", {.presence = true});
-      if (opened) reader.emplace(std::move(*opened));
-      continue;
-    }
-    rtbus::Stamped<rtbus::Telemetry> tick;
-    while (reader->read_next(tick) == rtbus::ReadStatus::kFresh) trace.append(tick.value);
-  }
+  trace.max_force_n = session.plan().haptic.front().safety.max_force_n;
+  if (session.plan().physics) trace.step_s = session.plan().physics->physics.step_s();
+  if (!session.run([&](const rtbus::Telemetry& tick) { trace.append(tick); })) return std::nullopt;
   return trace;
 }
 

@@ -1,0 +1,71 @@
+#pragma once
+/// @file push.hpp
+/// One push of a scripted hand into a scene, for the force profiles of He & Choi (2013), Figs 13, 15 and 16: run under
+/// the simulated clock or in real processes, recorded, and put into figures.
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtbus/messages.hpp"
+#include "tools/bare_loop.hpp"
+#include "tools/experiments/force_profile.hpp"
+#include "tools/harness/harness.hpp"
+
+namespace tools {
+
+/// One recorded push; the rows of a tick and those of a step apart.
+struct PushTrace {
+  std::vector<double> time_s;       ///< Of the cycles, since the first.
+  std::vector<double> force_n;      ///< On the hand, against the push (+z), as it left.
+  std::vector<double> way_mm;       ///< Of the device along the push (−z), from where it began.
+  std::vector<double> step_time_s;  ///< When each physics step was published, since the first cycle.
+  std::vector<double> step_ms;      ///< Engine time of each; real processes only.
+  double rate_hz = 0.0;             ///< Declared, of the loop: the spacing of the samples.
+
+  void append(const rtbus::Telemetry& tick);
+  void append(const rtbus::Stamped<rtbus::ProxyState>& step);
+
+ private:
+  std::uint64_t first_ns_ = 0;
+  double start_m_ = 0.0;
+};
+
+/// A force below this is no touch: encoder steps times stiffness, and the damper in free air.
+inline constexpr double kTouch_n = 0.05;
+
+struct PushFigures {
+  double touched_s = 0.0;  ///< First touch.
+  Roughness roughness;     ///< From then to the end.
+  double peak_n = 0.0;
+};
+
+/// Pure. All zero when nothing was touched.
+[[nodiscard]] PushFigures judge_push(const PushTrace& trace);
+
+struct PushSetup {
+  std::string session_file;
+  std::vector<std::string> assignments;
+  double duration_s = 20.0;
+};
+
+/// Throws rtbus::config::Error.
+[[nodiscard]] PushTrace push_in_harness(const PushSetup& setup, const HarnessOptions& link);
+
+/// What real processes add: how fast they ran.
+struct LivePush {
+  PushTrace trace;
+  double haptic_hz = 0.0;                       ///< Cycles served over the time in which they were due.
+  double simulation_hz = 0.0;                   ///< Steps published per second, while the hand touched.
+  double real_time_factor = 0.0;                ///< Simulated time over real time, while the hand touched.
+  double step_p50_ms = 0.0, step_p99_ms = 0.0;  ///< While the hand touched.
+  double wakeup_p999_us = 0.0;
+  double worst_pause_ms = 0.0;  ///< Longest delay of a cycle of the haptic loop or of the bare one.
+  BareLoopFigures bare;         ///< In the same seconds, on the same core.
+  double bare_hz = 0.0;
+};
+
+/// The real nodes in a session of their own. nullopt when they could not be run or somebody interrupted; the reason is
+/// on stderr. Throws rtbus::config::Error.
+[[nodiscard]] std::optional<LivePush> push_for_real(const PushSetup& setup);
+
+}  // namespace tools
