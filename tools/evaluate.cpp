@@ -8,6 +8,7 @@
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
+#include "tools/experiments/soft.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -54,6 +55,12 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
       OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
       if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
       evaluate_overhead(overhead, experiment);
+    } else if (options.experiment == "soft") {
+      SoftOptions soft;
+      soft.session_file = options.config.empty() ? find_session("soft.yaml") : options.config;
+      soft.assignments = options.assignments;
+      soft.real_runs = options.quick ? 1 : 3;
+      evaluate_soft(soft, experiment);
     } else {
       DropOptions drop;
       drop.session_file = options.config.empty() ? find_session("drop_paper.yaml") : options.config;
@@ -78,9 +85,9 @@ Action add_evaluate(CLI::App& command) {
   command
       .add_option("experiment", options->experiment,
                   "drop: free fall onto a wall (paper, Figs 8 to 11); faults: what the hand feels when something dies; "
-                  "overhead: what each optional part costs")
+                  "overhead: what each optional part costs; soft: five soft bodies touched (paper, Figs 17 to 19)")
       ->required()
-      ->check(CLI::IsMember({"drop", "faults", "overhead"}));
+      ->check(CLI::IsMember({"drop", "faults", "overhead", "soft"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,
