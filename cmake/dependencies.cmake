@@ -32,6 +32,8 @@ if(RTBUS_WITH_BULLET)
       set(RTBUS_BULLET_DEFINITIONS "")
     endif()
   endif()
+  set(RTBUS_BULLET_SOFT_LIBRARIES ${BULLET_LINK_LIBRARIES})
+  list(FILTER RTBUS_BULLET_SOFT_LIBRARIES INCLUDE REGEX "SoftBody")
   list(FILTER BULLET_LINK_LIBRARIES EXCLUDE REGEX "SoftBody")  # rigid bodies do without
   if(NOT BULLET_FOUND)
     message(STATUS "Bullet (${RTBUS_BULLET_PRECISION} precision) is not there: no engine bullet; install libbullet-dev and pkg-config")

@@ -19,7 +19,7 @@ struct EngineSettings {
 };
 
 /// Raise it when World, Scene, EngineSettings or this table change.
-inline constexpr std::uint32_t kEngineAbiVersion = 2;
+inline constexpr std::uint32_t kEngineAbiVersion = 3;
 
 struct EngineModule {
   std::uint32_t abi_version;  ///< First, whatever else changes.

@@ -15,6 +15,10 @@ using rtbus::config::Error;
 using rtbus::config::Scene;
 
 std::unique_ptr<World> make_analytic(const Scene& scene, const EngineSettings&) {
+  if (!scene.soft_bodies.empty()) {
+    throw Error(scene.file + ": body " + scene.soft_bodies.front().name +
+                " is soft, which the engine analytic cannot do; write engine: bullet");
+  }
   for (const Body& body : scene.bodies) {
     if (body.type != BodyType::kStatic) {
       throw Error(scene.file + ": body " + body.name +
@@ -48,12 +52,12 @@ std::filesystem::path find_module(std::string_view module) {
 }
 
 /// Loads a module once per process and asks for its table.
-const EngineModule& load_module(const EngineEntry& entry, const std::string& scene_file) {
-  const std::string wanted = scene_file + ": physics.engine = " + std::string(entry.name);
-  const auto file = find_module(entry.module);
+const EngineModule& load_module(std::string_view engine, std::string_view module_name, const std::string& scene_file) {
+  const std::string wanted = scene_file + ": physics.engine = " + std::string(engine);
+  const auto file = find_module(module_name);
   if (file.empty()) {
-    const auto places = module_places(entry.module);
-    throw Error(wanted + " needs the module " + std::string(entry.module) + ", which is not in " +
+    const auto places = module_places(module_name);
+    throw Error(wanted + " needs the module " + std::string(module_name) + ", which is not in " +
                 places[0].parent_path().string() + " or " + places[1].parent_path().string() +
                 "; build with RTBUS_WITH_BULLET=ON (Debian package libbullet-dev), or choose another engine");
   }
@@ -69,14 +73,18 @@ const EngineModule& load_module(const EngineEntry& entry, const std::string& sce
   return *module;
 }
 
+constexpr std::string_view kRigidModule = "libphysics_bullet.so";
+constexpr std::string_view kSoftModule = "libphysics_bullet_soft.so";  // the same, and Bullet's library of soft bodies
+
 std::unique_ptr<World> make_bullet(const Scene& scene, const EngineSettings& settings) {
-  return load_module(*find_engine("bullet"), scene.file).make_world(scene, settings);
+  const std::string_view module = scene.soft_bodies.empty() ? kRigidModule : kSoftModule;
+  return load_module("bullet", module, scene.file).make_world(scene, settings);
 }
 
 constexpr EngineEntry kEngines[] = {
-    {"analytic", "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies, soft bodies", "",
+    {"analytic", "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies", "",
      &make_analytic},
-    {"bullet", "Bullet: rigid bodies that move, stack and sleep", "soft bodies", "libphysics_bullet.so", &make_bullet},
+    {"bullet", "Bullet: rigid bodies that move, stack and sleep, and soft bodies", "", kRigidModule, &make_bullet},
 };
 
 }  // namespace

@@ -98,6 +98,14 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
       failed = "session " + settings.session.name + ": topic physics.body_poses: " + rtbus::to_string(poses.error());
     }
   }
+  if (const std::size_t nodes = node->stepper_->world().soft_nodes(); nodes > 0) {
+    auto soft = SoftNodePublisher::create(settings.session, nodes);
+    if (soft) {
+      node->soft_nodes_ = std::move(*soft);
+    } else if (failed.empty()) {
+      failed = "session " + settings.session.name + ": topic physics.soft_nodes: " + rtbus::to_string(soft.error());
+    }
+  }
   if (failed.empty()) failed = node->contact_topics_.open();
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
@@ -122,8 +130,9 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
-  spdlog::info("physics: engine {}, scene {}, {} bodies, {} proxies, {} at {}{:g} Hz, {} parts per step",
-               physics.engine, config_.scene.name, stepper_->world().bodies(), stepper_->proxies(), physics.clock(),
+  spdlog::info("physics: engine {}, scene {}, {} bodies, {} soft bodies, {} proxies, {} at {}{:g} Hz, {} parts per step",
+               physics.engine, config_.scene.name, stepper_->world().bodies(), config_.scene.soft_bodies.size(),
+               stepper_->proxies(), physics.clock(),
                physics.pace == Pace::kFree ? "not less than " : "", 1.0 / physics.step_s(), physics.parts_per_step());
   spdlog::info("physics: left out: {}", left_out());
   for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
@@ -155,12 +164,15 @@ bool Node::sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept {
 
 std::string Node::left_out() const {
   std::string text(find_engine(config_.physics.engine)->left_out);
+  const auto add = [&text](const char* part) { text += (text.empty() ? "" : ", ") + std::string(part); };
+  if (config_.scene.soft_bodies.empty()) add("soft bodies");
   if (!poses_) {
-    text += ", body poses";
+    add("body poses");
   } else if (!poses_->observed()) {
-    text += ", body poses while nobody looks";
+    add("body poses while nobody looks");
   }
-  if (!contact_topics_.in_use()) text += ", contact constraints while no force law asks for them";
+  if (soft_nodes_ && !soft_nodes_->observed()) add("soft nodes while nobody looks");
+  if (!contact_topics_.in_use()) add("contact constraints while no force law asks for them");
   return text;
 }
 
@@ -193,6 +205,11 @@ bool Node::wait_for_packet() noexcept {
   return false;
 }
 
+void Node::publish_pictures(std::uint64_t now_ns) noexcept {
+  if (poses_) poses_->publish_if_due(*stepper_, now_ns);
+  if (soft_nodes_) soft_nodes_->publish_if_due(*stepper_, now_ns);
+}
+
 void Node::publish_answers(std::uint64_t compute_ns) noexcept {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
   for (std::size_t i = 0; i < topics_->proxy_states.size(); ++i) {
@@ -213,6 +230,7 @@ void Node::count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s
   wall_s_.store(wall_s, std::memory_order_relaxed);
   simulated_s_.store(stepper_->simulated_s(), std::memory_order_relaxed);
   ignored_.store(stepper_->ignored_states(), std::memory_order_relaxed);
+  recoveries_.store(stepper_->world().recoveries(), std::memory_order_relaxed);
   if (late) late_.fetch_add(1, std::memory_order_relaxed);
   steps_.fetch_add(1, std::memory_order_relaxed);
 }
@@ -233,8 +251,7 @@ void Node::step_on_time() noexcept {
     if (throttled && !late && !sleep_unless_stopped(pacer.due_ns())) break;
     publish_answers(ended_ns - began_ns);
     count_step(ended_ns - began_ns, pacer.due(), static_cast<double>(pacer.due()) * step_s, late);
-    // After the answers have left: the hand does not wait for pictures.
-    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
+    publish_pictures(ended_ns);
   }
 }
 
@@ -256,7 +273,7 @@ void Node::step_freely() noexcept {
     publish_answers(ended_ns - began_ns);
     count_step(ended_ns - began_ns, stepper_->steps(), rtbus::seconds_between(start_ns, began_ns),
                elapsed_ns > longest_ns);
-    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
+    publish_pictures(ended_ns);
   }
 }
 
@@ -286,7 +303,7 @@ void Node::step_on_packets() noexcept {
     // Without a packet no step is due.
     const std::uint64_t due = steps_.load(std::memory_order_relaxed) + 1;
     count_step(ended_ns - began_ns, due, rtbus::seconds_between(first_ns, rtbus::monotonic_ns()), late);
-    if (poses_) poses_->publish_if_due(*stepper_, ended_ns);
+    publish_pictures(ended_ns);
   }
 }
 
@@ -356,7 +373,7 @@ void Node::beat_thread() noexcept {
     quiet_rounds = kWarnAgainAfter;
   };
 
-  std::uint64_t warned_ignored = 0;
+  std::uint64_t warned_ignored = 0, warned_recoveries = 0;
   rtbus::RenewalCount told;
   std::uint64_t due_ns = rtbus::monotonic_ns();
   for (int round = 0; !stop_beats_.load(std::memory_order_acquire); ++round) {
@@ -366,6 +383,7 @@ void Node::beat_thread() noexcept {
                                                              : rtbus::NodeState::kStarting);
     topics_->maintain();
     if (poses_) poses_->maintain();
+    if (soft_nodes_) soft_nodes_->maintain();
     if (const std::string failed = contact_topics_.maintain(); !failed.empty()) spdlog::warn("physics: {}", failed);
     if (round % kStatsEvery == 0) {
       publish_stats(false);
@@ -379,6 +397,14 @@ void Node::beat_thread() noexcept {
         spdlog::warn("physics: {} device states ignored so far: a value was not finite, or a scale not above 0",
                      ignored);
         warned_ignored = ignored;
+      }
+      const std::uint64_t recoveries = recoveries_.load(std::memory_order_relaxed);
+      if (recoveries > warned_recoveries) {
+        spdlog::warn(
+            "physics: {} times so far a soft body had turned inside out or got numbers that are none, and was put back to "
+            "where the scene places it; lower its bulk_modulus_pa or linear_stiffness, or raise physics.rate_hz",
+            recoveries);
+        warned_recoveries = recoveries;
       }
       if (const rtbus::RenewalCount renewals = topics_->renewals(); renewals != told) {
         spdlog::warn("physics: {}", renewals.text());

@@ -16,6 +16,7 @@
 #include "physics_node/contact_topics.hpp"
 #include "physics_node/node_config.hpp"
 #include "physics_node/pose_publisher.hpp"
+#include "physics_node/soft_node_publisher.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/result.hpp"
@@ -74,6 +75,8 @@ class Node {
   bool read_devices() noexcept;
   [[nodiscard]] bool wait_for_packet() noexcept;
   void publish_answers(std::uint64_t compute_ns) noexcept;
+  /// After the answers have left: the hand does not wait for pictures.
+  void publish_pictures(std::uint64_t now_ns) noexcept;
   [[nodiscard]] std::string left_out() const;
   [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
@@ -83,11 +86,12 @@ class Node {
   ContactTopics contact_topics_;
   std::unique_ptr<Stepper> stepper_;      // of the step thread once it runs
   std::unique_ptr<PosePublisher> poses_;  // null: nothing in this scene moves
-  std::vector<std::uint64_t> heard_ns_;   // when each device last published; 0: never, or silence already noticed
+  std::unique_ptr<SoftNodePublisher> soft_nodes_;  // null: nothing in this scene is soft
+  std::vector<std::uint64_t> heard_ns_;            // when each device last published; 0: never, or silence already noticed
 
   // Written by the step thread, read by the beat thread.
   rtbus::Histogram step_time_ns_;
-  std::atomic<std::uint64_t> steps_{0}, due_{0}, late_{0}, ignored_{0}, last_work_ns_{0}, last_compute_ns_{0};
+  std::atomic<std::uint64_t> steps_{0}, due_{0}, late_{0}, ignored_{0}, recoveries_{0}, last_work_ns_{0}, last_compute_ns_{0};
   std::atomic<double> simulated_s_{0.0}, wall_s_{0.0};  // of the steps so far; the time in which they were due
 
   std::atomic<bool> stop_steps_{false}, stop_beats_{false};

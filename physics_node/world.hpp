@@ -86,6 +86,16 @@ class World {
   /// Pose of body i in the scene's order (grids unrolled); i < bodies().
   [[nodiscard]] virtual BodyPose body_pose(std::size_t body) const = 0;
 
+  /// Nodes of all soft bodies of the scene, in its order.
+  [[nodiscard]] virtual std::size_t soft_nodes() const noexcept { return 0; }
+
+  /// Where node i is, p_WN [m]; i < soft_nodes(). Always finite.
+  [[nodiscard]] virtual Eigen::Vector3d soft_node(std::size_t node) const;
+
+  /// How often a body had got numbers that are none, or had turned inside out, and was put back to where the scene places
+  /// it, at rest.
+  [[nodiscard]] virtual std::uint64_t recoveries() const noexcept { return 0; }
+
   /// Bodies that can move and have not been put to rest: what a step costs goes with them.
   [[nodiscard]] virtual std::size_t awake_bodies() const noexcept = 0;
 
@@ -95,5 +105,7 @@ class World {
   /// What a user should know before steps of at most `longest_step_s` are taken: one sentence each, with the remedy.
   [[nodiscard]] virtual std::vector<std::string> warnings(double longest_step_s) const = 0;
 };
+
+inline Eigen::Vector3d World::soft_node(std::size_t) const { return Eigen::Vector3d::Zero(); }
 
 }  // namespace physics

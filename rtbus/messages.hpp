@@ -160,6 +160,21 @@ struct BodyPoses {
   std::array<Quat, kBodies> orientation_wxyz{};  ///< q_WB.
 };
 
+/// `physics.soft_nodes`, at most 30 times a second, only while somebody looks and only in scenes with soft bodies: where
+/// their nodes are, of all bodies one after the other. A frame comes as several samples. Whole micrometres take half the
+/// room of metres in double precision, and nobody sees less.
+struct SoftNodes {
+  static constexpr std::uint32_t kNodes = 256;  ///< In one sample.
+  std::uint64_t frame = 0;                      ///< Complete sets since the node started, from 1.
+  std::uint64_t step_index = 0;                 ///< The step after which the nodes are here.
+  double simulated_s = 0.0;                     ///< Simulated time since the world was made.
+  std::uint32_t first_node = 0;                 ///< Of this sample, counted through all bodies.
+  std::uint32_t count = 0;                      ///< Nodes in this sample; the rest of the array is zero.
+  std::uint32_t nodes = 0;                      ///< In the frame.
+  std::uint32_t reserved = 0;
+  std::array<std::array<std::int32_t, 3>, kNodes> position_um{};  ///< p_WN; ±2147 m.
+};
+
 /// `<haptic>.plant_command`, every tick with `process: own`: the force for the separate plant process.
 struct PlantCommand {
   Vec3 force_n{};  ///< In D.
@@ -321,6 +336,15 @@ struct SampleTraits<BodyPoses> {
       RTBUS_FIELD(T, reserved, "1"),   RTBUS_FIELD(T, position_m, "m"), RTBUS_FIELD(T, orientation_wxyz, "1")};
 };
 template <>
+struct SampleTraits<SoftNodes> {
+  static constexpr std::string_view kName = "rtbus/SoftNodes";
+  using T = SoftNodes;
+  static constexpr std::array kFields{RTBUS_FIELD(T, frame, "1"),       RTBUS_FIELD(T, step_index, "1"),
+                                      RTBUS_FIELD(T, simulated_s, "s"), RTBUS_FIELD(T, first_node, "1"),
+                                      RTBUS_FIELD(T, count, "1"),       RTBUS_FIELD(T, nodes, "1"),
+                                      RTBUS_FIELD(T, reserved, "1"),    RTBUS_FIELD(T, position_um, "um")};
+};
+template <>
 struct SampleTraits<PlantCommand> {
   static constexpr std::string_view kName = "rtbus/PlantCommand";
   using T = PlantCommand;
@@ -344,6 +368,7 @@ static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);
 static_assert(sizeof(Telemetry) == 240 && Sample<Telemetry>);
 static_assert(sizeof(StepStats) == 88 && Sample<StepStats>);
 static_assert(sizeof(BodyPoses) == 3624 && Sample<BodyPoses>);
+static_assert(sizeof(SoftNodes) == 3112 && Sample<SoftNodes>);
 static_assert(sizeof(PlantCommand) == 24 && Sample<PlantCommand>);
 static_assert(sizeof(PlantState) == 136 && Sample<PlantState>);
 

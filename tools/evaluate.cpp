@@ -13,6 +13,7 @@
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
+#include "tools/experiments/soft.hpp"
 #include "tools/experiments/stack.hpp"
 #include "tools/experiments/work_precision.hpp"
 #include "tools/find_config.hpp"
@@ -58,6 +59,14 @@ void run_stack(const EvaluateOptions& options, Experiment& experiment) {
   evaluate_stack({folder.string(), options.assignments, options.quick}, experiment);
 }
 
+void run_soft(const EvaluateOptions& options, Experiment& experiment) {
+  SoftOptions soft;
+  soft.session_file = session_of(options, "soft.yaml");
+  soft.assignments = options.assignments;
+  soft.real_runs = options.quick ? 1 : 3;
+  evaluate_soft(soft, experiment);
+}
+
 void run_work_precision(const EvaluateOptions& options, Experiment& experiment) {
   WorkPrecisionOptions precision;
   precision.wall_file = find_config("wall.yaml");
@@ -86,6 +95,7 @@ void run_overhead(const EvaluateOptions& options, Experiment& experiment) {
 constexpr std::array kExperiments{
     Row{"drop", "free fall onto a wall (paper, Figs 8 to 11)", true, true, &run_drop},
     Row{"stack", "a push into 125, 250 and 500 cubes (Figs 12 to 16, Table I)", false, true, &run_stack},
+    Row{"soft", "five soft bodies touched (Figs 17 to 19)", true, true, &run_soft},
     Row{"work-precision", "force error against run time", false, true, &run_work_precision},
     Row{"faults", "what the hand feels when something dies", true, false, &run_faults},
     Row{"overhead", "what each optional part costs", false, false, &run_overhead},

@@ -109,6 +109,11 @@ Figure overlay(const rtbus::config::Scene& scene, const StillFrame& frame, const
   std::string second = moving > 0 ? std::to_string(moving) + (moving == 1 ? " body" : " bodies") + " free to move"
                                   : std::to_string(scene.bodies.size()) + " fixed bodies";
   if (moving == 0 && scene.bodies.size() == 1) second = "1 fixed body";
+  if (!scene.soft_bodies.empty()) {
+    const std::string soft = std::to_string(scene.soft_bodies.size()) + " soft bodies, " +
+                             std::to_string(frame.soft_nodes_m.size()) + " nodes";
+    second = moving > 0 ? second + ", " + soft : soft;
+  }
   for (const StillHand& hand : frame.hands) {
     second += ";  " + hand.name + ": " + format("%.2f N on the hand", hand.force_n.norm()) + ", proxy " +
               format("%.1f mm from the device", 1e3 * (hand.proxy_m - hand.target_m).norm());

@@ -25,6 +25,9 @@ StillFrame frame_of(const rtbus::config::Scene& scene) {
   frame.stem = "still";
   frame.moment = "as placed";
   for (const rtbus::config::Body& body : scene.bodies) frame.poses.push_back({body.p_WB, body.q_WB});
+  for (const rtbus::config::SoftBody& body : scene.soft_bodies) {
+    for (const Eigen::Vector3d& vertex : body.mesh->vertices_m) frame.soft_nodes_m.push_back(body.p_WB + body.q_WB * vertex);
+  }
   return frame;
 }
 
@@ -58,6 +61,9 @@ StillFrame frame_of(const rtbus::config::Scene& scene, const Harness& harness,
   }
   for (std::size_t i = 0; stepper != nullptr && i < frame.poses.size(); ++i) {
     frame.poses[i] = stepper->world().body_pose(i);
+  }
+  for (std::size_t i = 0; stepper != nullptr && i < frame.soft_nodes_m.size(); ++i) {
+    frame.soft_nodes_m[i] = stepper->world().soft_node(i);
   }
   return frame;
 }
@@ -94,11 +100,39 @@ bool BodyPoseReader::drain() {
   return fresh;
 }
 
+rtbus::Result<SoftNodeReader, rtbus::TopicError> SoftNodeReader::open(const rtbus::Session& session) {
+  auto reader = rtbus::Reader<rtbus::SoftNodes>::open(session, "physics.soft_nodes", {.presence = true});
+  if (!reader) return rtbus::Failure{reader.error()};
+  return SoftNodeReader(std::move(*reader));
+}
+
+void SoftNodeReader::drain() {
+  rtbus::Stamped<rtbus::SoftNodes> sample;
+  while (reader_.read_next(sample) == rtbus::ReadStatus::kFresh) {
+    const rtbus::SoftNodes& part = sample.value;
+    if (part.first_node == 0) {
+      partial_.clear();
+      frame_ = part.frame;
+    }
+    // As of body poses: an incomplete frame waits for the next.
+    if (part.frame != frame_ || part.first_node != partial_.size() || part.count > rtbus::SoftNodes::kNodes) {
+      frame_ = 0;
+      continue;
+    }
+    for (std::uint32_t i = 0; i < part.count; ++i) {
+      const auto& [x, y, z] = part.position_um[i];
+      partial_.push_back(1e-6 * Eigen::Vector3d(x, y, z));
+    }
+    if (partial_.size() == part.nodes) complete_ = partial_;
+  }
+}
+
 BusFrames::BusFrames(rtbus::Session session, const rtbus::config::Scene& scene, std::vector<StillHandConfig> hands)
     : session_(std::move(session)), newest_(frame_of(scene)) {
   for (StillHandConfig& hand : hands) hands_.emplace_back().config = std::move(hand);
   moving_ = std::any_of(scene.bodies.begin(), scene.bodies.end(),
                         [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; });
+  yields_ = !scene.soft_bodies.empty();
 }
 
 bool BusFrames::attach() {
@@ -119,6 +153,11 @@ bool BusFrames::attach() {
     if (opened) bodies_.emplace(std::move(*opened));
     all = bodies_.has_value() && all;
   }
+  if (yields_ && !soft_) {
+    auto opened = SoftNodeReader::open(session_);
+    if (opened) soft_.emplace(std::move(*opened));
+    all = soft_.has_value() && all;
+  }
   return all;
 }
 
@@ -131,6 +170,11 @@ bool BusFrames::drain() {
     if (hand.telemetry) (void)hand.telemetry->read_latest(hand.tick_now);
     hands_there = hands_there && hand.device_now.sequence > 0 && hand.tick_now.sequence > 0;
     newest_tick_ns = std::max(newest_tick_ns, hand.tick_now.stamp_ns);
+  }
+  if (soft_) {
+    soft_->drain();
+    if (soft_->nodes_m().empty()) return false;
+    newest_.soft_nodes_m = soft_->nodes_m();
   }
   if (bodies_) {
     if (!bodies_->drain() || !hands_there) return false;

@@ -34,6 +34,7 @@ struct StillFrame {
   std::string stem;                      ///< File name without suffix: "still_start".
   std::string moment;                    ///< For people: "t = 2.31 s, hardest push".
   std::vector<physics::BodyPose> poses;  ///< In the scene's order.
+  std::vector<Eigen::Vector3d> soft_nodes_m;  ///< Of all soft bodies, one after the other.
   std::vector<StillHand> hands;
 };
 
@@ -71,6 +72,23 @@ class BodyPoseReader {
   double simulated_s_ = 0.0;
 };
 
+/// Puts the complete frames of `physics.soft_nodes` together. One thread.
+class SoftNodeReader {
+ public:
+  /// Asks physics to publish, for as long as the reader lives.
+  [[nodiscard]] static rtbus::Result<SoftNodeReader, rtbus::TopicError> open(const rtbus::Session& session);
+
+  void drain();
+  /// Of the newest complete frame; empty: there was none yet.
+  [[nodiscard]] const std::vector<Eigen::Vector3d>& nodes_m() const noexcept { return complete_; }
+
+ private:
+  explicit SoftNodeReader(rtbus::Reader<rtbus::SoftNodes> reader) : reader_(std::move(reader)) {}
+  rtbus::Reader<rtbus::SoftNodes> reader_;
+  std::vector<Eigen::Vector3d> partial_, complete_;
+  std::uint64_t frame_ = 0;
+};
+
 /// The bus as a source of frames. One thread.
 class BusFrames {
  public:
@@ -97,7 +115,9 @@ class BusFrames {
   StillFrame newest_;
   std::vector<Hand> hands_;
   std::optional<BodyPoseReader> bodies_;
+  std::optional<SoftNodeReader> soft_;
   bool moving_ = false;  ///< The scene has bodies that move: there is a topic to wait for.
+  bool yields_ = false;  ///< The scene has soft bodies: likewise.
   std::uint64_t taken_ns_ = 0;
 };
 

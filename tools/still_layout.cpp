@@ -68,8 +68,10 @@ StillLayout lay_out(const rtbus::config::Scene& scene, std::span<const StillFram
   StillLayout layout;
   std::vector<Eigen::Vector3d> points;
   const StillFrame start = frame_of(scene);
-  const bool any_moves = std::any_of(scene.bodies.begin(), scene.bodies.end(),
+  const bool any_moves = !scene.soft_bodies.empty() ||
+                         std::any_of(scene.bodies.begin(), scene.bodies.end(),
                                      [](const Body& body) { return body.type != rtbus::config::BodyType::kStatic; });
+  points.insert(points.end(), start.soft_nodes_m.begin(), start.soft_nodes_m.end());
   for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
     const Body& body = scene.bodies[i];
     if (std::holds_alternative<rtbus::shapes::Plane>(body.shape)) continue;
@@ -85,6 +87,10 @@ StillLayout lay_out(const rtbus::config::Scene& scene, std::span<const StillFram
       moved_m.push_back((frame.poses[i].position_m - scene.bodies[i].p_WB).norm());
       if ((frame.poses[i].position_m - middle).norm() > kStray * start_radius_m) continue;
       add_corners(points, scene.bodies[i], frame.poses[i]);
+    }
+    for (std::size_t i = 0; i < frame.soft_nodes_m.size() && i < start.soft_nodes_m.size(); ++i) {
+      moved_m.push_back((frame.soft_nodes_m[i] - start.soft_nodes_m[i]).norm());
+      if ((frame.soft_nodes_m[i] - middle).norm() <= kStray * start_radius_m) points.push_back(frame.soft_nodes_m[i]);
     }
     for (const StillHand& hand : frame.hands) {
       points.push_back(hand.proxy_m);

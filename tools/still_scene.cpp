@@ -8,7 +8,9 @@
 #include <cstdio>
 #include <map>
 #include <numbers>
+#include <span>
 #include <variant>
+#include <vector>
 
 namespace tools {
 
@@ -105,6 +107,37 @@ std::string surface_mesh(const rtbus::config::TriangleMesh& mesh, double scale) 
     text += triangle(scale * mesh.vertices_m[t[0]], scale * mesh.vertices_m[t[1]], scale * mesh.vertices_m[t[2]]);
   }
   return text + "}";
+}
+
+/// A skin as POV-Ray's mesh2: smooth, by the normals of the nodes, and coloured at each node by how far it has moved.
+std::string skin_text(const rtbus::config::TriangleMesh& mesh, std::span<const Eigen::Vector3d> now_m,
+                      std::span<const Eigen::Vector3d> start_m, const StillLayout& layout, double scale) {
+  std::vector<Eigen::Vector3d> normals(now_m.size(), Eigen::Vector3d::Zero());
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3d face = (now_m[t[1]] - now_m[t[0]]).cross(now_m[t[2]] - now_m[t[0]]);
+    for (const std::uint32_t corner : t) normals[corner] += face;
+  }
+  const std::string count = std::to_string(now_m.size());
+  std::string vertices, directions, colours, faces;
+  // Colours are few, so that the list of textures stays short.
+  constexpr int kColours = 24;
+  for (int i = 0; i < kColours; ++i) {
+    colours += "\n  texture { pigment { " + pov(moved_colour(i / (kColours - 1.0))) + " } finish { Body } }";
+  }
+  std::vector<int> colour(now_m.size(), 0);
+  for (std::size_t i = 0; i < now_m.size(); ++i) {
+    vertices += "," + pov(Eigen::Vector3d(scale * now_m[i]));
+    directions += "," + pov(Eigen::Vector3d(normals[i].stableNormalized()));
+    const double share = layout.moved_max_m > 0.0 ? (now_m[i] - start_m[i]).norm() / layout.moved_max_m : 0.0;
+    colour[i] = static_cast<int>(std::lround((kColours - 1) * std::clamp(share, 0.0, 1.0)));
+  }
+  for (const auto& t : mesh.triangles) {
+    faces += ",\n  <" + std::to_string(t[0]) + "," + std::to_string(t[1]) + "," + std::to_string(t[2]) + ">";
+    for (const std::uint32_t corner : t) faces += "," + std::to_string(colour[corner]);
+  }
+  return "mesh2 {\n vertex_vectors { " + count + vertices + " }\n normal_vectors { " + count + directions +
+         " }\n texture_list { " + std::to_string(kColours) + colours + " }\n face_indices { " +
+         std::to_string(mesh.triangles.size()) + faces + " }\n}\n";
 }
 
 std::string round_text(double radius, double straight, bool caps) {
@@ -212,6 +245,15 @@ std::string pov_text(const rtbus::config::Scene& scene, const StillFrame& frame,
     bodies += "  " + matrix(frame.poses[i], scale) + " }\n";
   }
   text += bodies;
+  const StillFrame start = frame_of(scene);
+  std::size_t first = 0;
+  for (const rtbus::config::SoftBody& body : scene.soft_bodies) {
+    const std::size_t nodes = body.mesh->vertices_m.size();
+    if (first + nodes > frame.soft_nodes_m.size()) break;
+    text += skin_text(*body.mesh, std::span(frame.soft_nodes_m).subspan(first, nodes),
+                      std::span(start.soft_nodes_m).subspan(first, nodes), layout, scale);
+    first += nodes;
+  }
   for (const StillHand& hand : frame.hands) text += hand_text(hand, layout, scale);
   return text;
 }

@@ -129,6 +129,10 @@ double smallest_moving_extent_m(const config::Scene& scene) {
     const double extent = smallest_extent_m(body.shape);
     if (smallest == 0.0 || extent < smallest) smallest = extent;
   }
+  for (const config::SoftBody& body : scene.soft_bodies) {
+    const double extent = extents_m(*body.mesh).minCoeff();
+    if (smallest == 0.0 || extent < smallest) smallest = extent;
+  }
   return smallest > 0.0 ? smallest : kDefaultExtentM;
 }
 

@@ -23,7 +23,7 @@ struct MadeShape {
 /// Shortest extent of the shape [m]; 0 for a plane and a mesh, which have none.
 [[nodiscard]] double smallest_extent_m(const rtbus::config::BodyShape& shape);
 
-/// Shortest extent among the bodies that move [m]; kDefaultExtentM when none does.
+/// Shortest extent among the bodies that move, soft ones included [m]; kDefaultExtentM when none does.
 [[nodiscard]] double smallest_moving_extent_m(const rtbus::config::Scene& scene);
 
 inline constexpr double kDefaultExtentM = 0.02;

@@ -32,26 +32,37 @@ std::string number(double value) {
 }  // namespace
 
 BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& settings)
+    : BulletWorld(scene, settings, std::make_unique<btDefaultCollisionConfiguration>(),
+                  [](btDispatcher* dispatcher, btBroadphaseInterface* broadphase, btConstraintSolver* solver,
+                     btCollisionConfiguration* configuration) {
+                    return std::make_unique<btDiscreteDynamicsWorld>(dispatcher, broadphase, solver, configuration);
+                  }) {}
+
+BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& settings,
+                         std::unique_ptr<btDefaultCollisionConfiguration> configuration, MakeDynamics make_dynamics)
     : deactivation_(scene.deactivation),
       gravity_m_s2_(scene.gravity_m_s2.norm()),
       smallest_m_(smallest_moving_extent_m(scene)),
       scale_(length_scale(smallest_m_)),
-      scene_file_(scene.file) {
-  world_.setGravity(to_bullet(scene.gravity_m_s2, scale_));
-  btContactSolverInfo& info = world_.getSolverInfo();
+      scene_file_(scene.file),
+      configuration_(std::move(configuration)),
+      dispatcher_(configuration_.get()),
+      world_(make_dynamics(&dispatcher_, &broadphase_, &solver_, configuration_.get())) {
+  world_->setGravity(to_bullet(scene.gravity_m_s2, scale_));
+  btContactSolverInfo& info = world_->getSolverInfo();
   info.m_numIterations = settings.solver_iterations;
   info.m_solverMode |= SOLVER_RANDMIZE_ORDER;  // so spelt
   solver_.setRandSeed(kShuffleSeed);
   info.m_splitImpulsePenetrationThreshold *= static_cast<btScalar>(kToleranceScale);
-  world_.getDispatchInfo().m_allowedCcdPenetration *= static_cast<btScalar>(kToleranceScale);
-  world_.setForceUpdateAllAabbs(false);  // what sleeps or is static has not moved
+  world_->getDispatchInfo().m_allowedCcdPenetration *= static_cast<btScalar>(kToleranceScale);
+  world_->setForceUpdateAllAabbs(false);  // what sleeps or is static has not moved
 
   // Bullet's own algorithm for two spheres makes no contact while they are apart, however little, and keeps the old one
   // with its old normal: a proxy that slides over a ball then lifts off along a tangent and drops back, 37 times a second.
   // The general algorithm sees the gap and gives the normal anew in each step.
   dispatcher_.registerCollisionCreateFunc(
       SPHERE_SHAPE_PROXYTYPE, SPHERE_SHAPE_PROXYTYPE,
-      configuration_.getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE));
+      configuration_->getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE));
 
   // Copies in a grid share their shape: the reader gives neighbours the same dimensions and file.
   bodies_.reserve(scene.bodies.size());
@@ -80,9 +91,9 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
 
 BulletWorld::~BulletWorld() {
   for (const auto& proxy : proxies_) {
-    if (!proxy->released()) world_.removeRigidBody(&proxy->body());
+    if (!proxy->released()) world_->removeRigidBody(&proxy->body());
   }
-  for (const SceneBody& body : bodies_) world_.removeRigidBody(body.rigid.get());
+  for (const SceneBody& body : bodies_) world_->removeRigidBody(body.rigid.get());
 }
 
 void BulletWorld::add_body(const config::Body& body, std::shared_ptr<MadeShape> made) {
@@ -108,7 +119,7 @@ void BulletWorld::add_body(const config::Body& body, std::shared_ptr<MadeShape> 
   }
   rigid->setUserIndex(static_cast<int>(bodies_.size()));
   if (moves && body.restitution > 0.0) rigid->setContactProcessingThreshold(0);
-  world_.addRigidBody(rigid.get(), moves ? kMovingGroup : kStaticGroup,
+  world_->addRigidBody(rigid.get(), moves ? kMovingGroup : kStaticGroup,
                       moves ? kStaticGroup | kMovingGroup | kProxyGroup : kMovingGroup | kProxyGroup);
   if (moves) set_thresholds(body, *rigid);
   double reach = std::numeric_limits<double>::infinity();
@@ -136,7 +147,7 @@ void BulletWorld::set_thresholds(const config::Body& body, btRigidBody& rigid) c
 std::size_t BulletWorld::add_proxy(const ProxyParameters& parameters) {
   const double radius_m = parameters.radius_m == 0.0 ? kSmallestRadius * smallest_m_ : parameters.radius_m;
   auto proxy = std::make_unique<BulletProxy>(parameters, radius_m, scale_);
-  world_.addRigidBody(&proxy->body(), kProxyGroup, kStaticGroup | kMovingGroup);
+  world_->addRigidBody(&proxy->body(), kProxyGroup, kStaticGroup | kMovingGroup);
   proxies_.push_back(std::move(proxy));
   return proxies_.size() - 1;
 }
@@ -147,12 +158,12 @@ void BulletWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
   proxy.reset(position_m);
   if (proxy.released()) {
     proxy.set_released(false);
-    world_.addRigidBody(&proxy.body(), kProxyGroup, kStaticGroup | kMovingGroup);
+    world_->addRigidBody(&proxy.body(), kProxyGroup, kStaticGroup | kMovingGroup);
     return;
   }
   // Contacts of the place it left must not act at the new one.
   broadphase_.getOverlappingPairCache()->cleanProxyFromPairs(proxy.body().getBroadphaseHandle(), &dispatcher_);
-  world_.updateSingleAabb(&proxy.body());
+  world_->updateSingleAabb(&proxy.body());
 }
 
 void BulletWorld::release_proxy(std::size_t index) {
@@ -164,7 +175,7 @@ void BulletWorld::release_proxy(std::size_t index) {
     if (manifold->getBody0() == &proxy.body()) manifold->getBody1()->activate();
     if (manifold->getBody1() == &proxy.body()) manifold->getBody0()->activate();
   }
-  world_.removeRigidBody(&proxy.body());
+  world_->removeRigidBody(&proxy.body());
   proxy.reset(proxy.state().position_m);
   proxy.set_released(true);
 }
@@ -199,16 +210,21 @@ void BulletWorld::place_moving(double h) {
   }
 }
 
+void BulletWorld::before_dynamics(double) {}
+void BulletWorld::after_dynamics(double) {}
+
 void BulletWorld::step(double step_s) {
   if (!std::isfinite(step_s) || step_s <= 0.0) return;
   const double h = std::clamp(step_s, kMinStepS, kMaxStepS);
   // The time until a body sleeps is a global of Bullet's; a bounce slower than what gravity adds in two steps is none.
   gDeactivationTime = static_cast<btScalar>(deactivation_.after_s);
-  world_.getSolverInfo().m_restitutionVelocityThreshold = static_cast<btScalar>(2.0 * gravity_m_s2_ * h * scale_);
+  world_->getSolverInfo().m_restitutionVelocityThreshold = static_cast<btScalar>(2.0 * gravity_m_s2_ * h * scale_);
 
   place_moving(h);
   for (const auto& proxy : proxies_) proxy->before_step(h);
-  world_.stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
+  before_dynamics(h);
+  world_->stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
+  after_dynamics(h);
   time_s_ += h;
   step_s_ = h;
   for (const MovingBody& each : moving_) {

@@ -31,7 +31,7 @@ namespace physics::bullet {
 /// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
 /// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
 /// inertia of their bounding box; impacts slower than 2·g·h do not bounce.
-class BulletWorld final : public World {
+class BulletWorld : public World {
  public:
   static constexpr double kSmallestRadius = 0.05;
   static constexpr double kMinStepS = 1e-5, kMaxStepS = 1.0;  ///< Steps are clamped to this.
@@ -55,12 +55,30 @@ class BulletWorld final : public World {
   [[nodiscard]] std::size_t solved_contacts() const noexcept override;
   [[nodiscard]] std::vector<std::string> warnings(double longest_step_s) const override;
 
- private:
+ protected:
+  /// With another collision configuration and kind of world, for an engine that adds to this one (soft/).
+  using MakeDynamics = std::unique_ptr<btDiscreteDynamicsWorld> (*)(btDispatcher*, btBroadphaseInterface*,
+                                                                    btConstraintSolver*, btCollisionConfiguration*);
+  BulletWorld(const rtbus::config::Scene& scene, const EngineSettings& settings,
+              std::unique_ptr<btDefaultCollisionConfiguration> configuration, MakeDynamics make_dynamics);
+
+  /// Around Bullet's own step of `h` seconds, when the proxies have their mass and velocity, and before what became of them
+  /// is read.
+  virtual void before_dynamics(double h);
+  virtual void after_dynamics(double h);
+
   struct SceneBody {
     std::shared_ptr<MadeShape> made;  // shared along a grid
     std::unique_ptr<btRigidBody> rigid;
     double reach = 0.0;  ///< No point of it is farther from its centre of mass [units]; infinite of planes and meshes.
   };
+  [[nodiscard]] const std::vector<SceneBody>& scene_bodies() const noexcept { return bodies_; }
+  [[nodiscard]] const std::vector<std::unique_ptr<BulletProxy>>& proxies() const noexcept { return proxies_; }
+  [[nodiscard]] btDiscreteDynamicsWorld& dynamics() noexcept { return *world_; }
+  [[nodiscard]] double scale() const noexcept { return scale_; }
+  [[nodiscard]] const std::string& scene_file() const noexcept { return scene_file_; }
+
+ private:
   /// One that moves by itself.
   struct MovingBody {
     btRigidBody* rigid;
@@ -83,11 +101,11 @@ class BulletWorld final : public World {
   std::string scene_file_;
 
   // Bullet's parts, in the order in which they need each other.
-  btDefaultCollisionConfiguration configuration_;
-  btCollisionDispatcher dispatcher_{&configuration_};
+  std::unique_ptr<btDefaultCollisionConfiguration> configuration_;
+  btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
   BulletSolver solver_;
-  btDiscreteDynamicsWorld world_{&dispatcher_, &broadphase_, &solver_, &configuration_};
+  std::unique_ptr<btDiscreteDynamicsWorld> world_;
   std::vector<SceneBody> bodies_;
   std::vector<MovingBody> moving_;
   std::vector<std::unique_ptr<BulletProxy>> proxies_;

@@ -15,6 +15,7 @@ namespace {
 constexpr Range kPosition_m{-1000.0, 1000.0};
 /// Of one scene, grids unrolled: far above what any engine steps in a second.
 constexpr std::size_t kMaxBodies = 20000;
+constexpr std::size_t kMaxSoftBodies = 100;
 
 Eigen::Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
@@ -63,12 +64,15 @@ void read_motion(Map& map, Body& body) {
   body.asleep = map.boolean("asleep", false);
 }
 
+std::string read_name(Map& map) {
+  std::string name = map.text("name");
+  if (!valid_name(name)) map.fail("name", "is not a name; use 1…64 letters, digits, '_' and '-'");
+  return name;
+}
+
 Body read_body(Map& map) {
   Body body;
-  body.name = map.text("name");
-  if (!valid_name(body.name)) {
-    map.fail("name", "is not a name; use 1…64 letters, digits, '_' and '-'");
-  }
+  body.name = read_name(map);
   body.type = read_type(map);
   body.shape = read_body_shape(map);
   body.p_WB = to_vector(map.numbers("position_m", 3, kPosition_m, {0.0, 0.0, 0.0}));
@@ -163,6 +167,22 @@ Scene read_scene(Map& map) {
     }
     item.finish();
     ++item_index;
+  }
+  for (Map& item : map.list_of_maps("soft_bodies")) {
+    const std::string name = read_name(item);
+    const auto is_twin = [&name](const SoftBody& other) { return other.name == name; };
+    if (item_of.contains(name) || std::any_of(scene.soft_bodies.begin(), scene.soft_bodies.end(), is_twin)) {
+      item.fail("name", "is the name of another body already; names are unique in a scene");
+    }
+    if (scene.soft_bodies.size() == kMaxSoftBodies) {
+      item.fail("name", "is one soft body too many; a scene may have " + std::to_string(kMaxSoftBodies));
+    }
+    SoftBody body = read_soft_body(item);
+    body.name = name;
+    body.p_WB = to_vector(item.numbers("position_m", 3, kPosition_m, {0.0, 0.0, 0.0}));
+    body.q_WB = read_orientation(item);
+    item.finish();
+    scene.soft_bodies.push_back(std::move(body));
   }
   map.finish();
   return scene;

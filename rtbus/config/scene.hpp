@@ -11,6 +11,7 @@
 #include "rtbus/config/body_motion.hpp"
 #include "rtbus/config/body_shape.hpp"
 #include "rtbus/config/document.hpp"
+#include "rtbus/config/soft_body.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace rtbus::config {
@@ -49,6 +50,7 @@ struct Deactivation {
 struct Scene {
   Eigen::Vector3d gravity_m_s2{0.0, -9.81, 0.0};
   std::vector<Body> bodies;  ///< Grids already unrolled.
+  std::vector<SoftBody> soft_bodies;
   Deactivation deactivation;
   std::string name;  ///< From the file, else the file's name without folder and suffix.
   std::string file;  ///< Where it stands: its own file, or the session file it is written in.

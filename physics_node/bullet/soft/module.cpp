@@ -1,0 +1,16 @@
+/// The one symbol by which the node finds Bullet with soft bodies.
+#include "physics_node/bullet/soft/soft_world.hpp"
+#include "physics_node/engine_module.hpp"
+
+namespace {
+
+std::unique_ptr<physics::World> make_world(const rtbus::config::Scene& scene, const physics::EngineSettings& settings) {
+  return std::make_unique<physics::bullet::SoftWorld>(scene, settings);
+}
+
+constexpr physics::EngineModule kModule{physics::kEngineAbiVersion, sizeof(rtbus::config::Scene),
+                                        sizeof(rtbus::config::Body), &make_world};
+
+}  // namespace
+
+extern "C" const physics::EngineModule* rtbus_engine_module() { return &kModule; }

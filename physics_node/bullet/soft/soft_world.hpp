@@ -1,0 +1,59 @@
+#pragma once
+/// @file soft_world.hpp
+/// The engine `bullet` for scenes with soft bodies: a module of its own, which maps Bullet's soft-body library.
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "physics_node/bullet/bullet_world.hpp"
+#include "physics_node/bullet/nearest.hpp"
+#include "physics_node/bullet/soft/soft_dynamics.hpp"
+#include "physics_node/bullet/soft/soft_made.hpp"
+
+namespace physics::bullet {
+
+/// Rigid bodies and proxies are those of BulletWorld. Soft bodies meet them by their nodes, which are balls of the
+/// margin's radius: distances and normals are exact (nearest_points()), friction is Coulomb's. Soft bodies meet each
+/// other as Bullet has it, nodes against faces or convex parts against each other.
+///
+/// One step: forces on nodes, rigid bodies solved and moved, then the positions of the nodes solved together with their
+/// contacts, which push the rigid bodies. A proxy has been moved by then: it is moved on by what its contacts with soft
+/// bodies changed of its velocity, so that it stands where the nodes have made room for it.
+///
+/// Whatever the settings, numbers stay finite: links, pose matching and contacts move nodes by a share of what is
+/// wrong, the explicit pressure is lowered to what the step carries, and a body that is unsound all the same is put
+/// back.
+class SoftWorld final : public BulletWorld {
+ public:
+  SoftWorld(const rtbus::config::Scene& scene, const EngineSettings& settings);
+  ~SoftWorld() override;
+
+  [[nodiscard]] std::size_t soft_nodes() const noexcept override { return nodes_.size(); }
+  [[nodiscard]] Eigen::Vector3d soft_node(std::size_t node) const override;
+  [[nodiscard]] std::uint64_t recoveries() const noexcept override { return recoveries_; }
+  [[nodiscard]] std::size_t awake_bodies() const noexcept override {
+    return BulletWorld::awake_bodies() + bodies_.size();
+  }
+  [[nodiscard]] std::size_t solved_contacts() const noexcept override;
+  [[nodiscard]] std::vector<std::string> warnings(double longest_step_s) const override;
+
+ private:
+  void before_dynamics(double h) override;
+  void after_dynamics(double h) override;
+  void collide();
+  void collide_with_body(btSoftBody& soft, const SceneBody& body, double hardness);
+  void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness);
+  void note_velocities();
+  void add_contact(btSoftBody& soft, btSoftBody::Node& node, btRigidBody& rigid, const Eigen::Vector3d& normal,
+                   double gap, double hardness);
+
+  SoftDynamics& soft_dynamics_;
+  std::vector<std::unique_ptr<MadeSoftBody>> bodies_;
+  std::vector<const btSoftBody::Node*> nodes_;  // of all bodies, in order
+  std::vector<btVector3> velocities_;           // of the proxies, with which they were moved
+  std::vector<NearPoint> near_;                 // kept for its memory
+  double h_ = 1e-3;
+  std::uint64_t recoveries_ = 0;
+};
+
+}  // namespace physics::bullet
