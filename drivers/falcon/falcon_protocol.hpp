@@ -47,6 +47,7 @@ class FalconProtocol final : public usb::Protocol {
   [[nodiscard]] rtbus::Result<void, DeviceFault> bring_up(usb::Channel& channel) override;
   [[nodiscard]] usb::UsbStatus send(usb::Channel& channel, const Vec3& force_n, double dt_s,
                                     std::uint64_t deadline_ns) noexcept override;
+  [[nodiscard]] bool withheld() const noexcept override { return withheld_; }
   void set_live(bool live) noexcept override { live_ = live; }
   [[nodiscard]] usb::ExchangeStatus receive(usb::Channel& channel, DeviceSample& out,
                                             std::uint64_t deadline_ns) noexcept override;
@@ -80,6 +81,8 @@ class FalconProtocol final : public usb::Protocol {
   int unanswered_ = 0;   ///< Commands whose answer may still come.
   int sends_since_ = 0;  ///< Sends since that became more than one.
   std::uint8_t homed_ = 0;
+  bool doubted_ = false;  ///< The last answer was the first one without all axes homed.
+  bool withheld_ = false;
   bool live_ = true;
   std::uint64_t accepted_ns_ = 0;  ///< When the last valid answer came.
   double carried_ = 0.0;           ///< Share of the grip's weight that the motors carry now, 0…1.

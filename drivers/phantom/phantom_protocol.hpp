@@ -44,6 +44,7 @@ class PhantomProtocol final : public usb::Protocol {
                                             std::uint64_t deadline_ns) noexcept override;
   void shut_down(usb::Channel& channel) noexcept override;
 
+  [[nodiscard]] bool withheld() const noexcept override { return withheld_; }
   [[nodiscard]] usb::Readiness readiness() const noexcept override;
   [[nodiscard]] std::string remedy() const override;
   [[nodiscard]] std::string fault() const override;
@@ -88,6 +89,7 @@ class PhantomProtocol final : public usb::Protocol {
   CurrentsMa sent_ma_{};
   bool connected_ = false;  ///< Brought up, and not shut down since.
   bool withhold_ = true;    ///< The last answer justifies no force.
+  bool withheld_ = false;   ///< The last send() was asked for one and gave none.
 
   ArmPose pose_;
   JointAngles angles_ = JointAngles::Zero();

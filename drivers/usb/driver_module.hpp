@@ -40,7 +40,7 @@ struct UsbDriver {
 };
 
 /// Raise it when DeviceConfig, Device, DeviceInfo, OpenContext or this table change.
-inline constexpr std::uint32_t kUsbAbiVersion = 1;
+inline constexpr std::uint32_t kUsbAbiVersion = 2;
 
 struct UsbModule {
   ModuleHead head;  ///< First, whatever else changes.
