@@ -115,7 +115,7 @@ UsbStatus FalconProtocol::set_up_exchange(usb::Channel& channel) noexcept {
 }
 
 // Zero-force frames until one is answered by a well-formed frame.
-UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& answered) noexcept {
+UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& answered, DeviceFrame* answer) noexcept {
   answered = false;
   for (int i = 0; i < frames; ++i) {
     const std::uint64_t until_ns = channel.now_ns() + seconds_to_ns(kFrameWaitS);
@@ -124,6 +124,7 @@ UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& a
       DeviceFrame frame;
       if (newest_frame(frame)) {
         answered = true;
+        if (answer != nullptr) *answer = frame;
         return UsbStatus::kOk;
       }
       if (channel.now_ns() >= until_ns) break;
@@ -132,6 +133,33 @@ UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& a
     if (status == UsbStatus::kLost || status == UsbStatus::kStopping) return status;
   }
   return UsbStatus::kOk;
+}
+
+usb::Inspection FalconProtocol::inspect(usb::Channel& channel) {
+  usb::Inspection out;
+  out.model = "Novint Falcon";
+  forget();
+  DeviceFrame frame;
+  UsbStatus status = set_up_exchange(channel);
+  if (status == UsbStatus::kOk) status = poll_frames(channel, kProbeFrames, out.answered, &frame);
+  if (status != UsbStatus::kOk) {
+    out.remedy = lost_or_refused(status).message;
+    return out;
+  }
+  if (!out.answered) {
+    out.firmware = "not running (or no wall power)";
+    out.homing = "not homed";
+    out.remedy = "connect its wall power; the driver loads the firmware that the device file names (docs/devices.md)";
+    return out;
+  }
+  out.firmware = "runs";
+  out.homed = frame.homed == kAllHomed;
+  out.homing = out.homed ? "homed" : "not homed";
+  out.counters.assign(frame.encoder.begin(), frame.encoder.end());
+  homed_ = frame.homed;
+  out.remedy = remedy();
+  shut_down(channel);  // its lights are those of a Falcon that nobody uses
+  return out;
 }
 
 UsbStatus FalconProtocol::send_frame(usb::Channel& channel, const HostFrame& frame,

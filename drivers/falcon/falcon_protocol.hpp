@@ -18,6 +18,7 @@
 #include "drivers/falcon/falcon_frame.hpp"
 #include "drivers/falcon/falcon_kinematics.hpp"
 #include "drivers/falcon/motor_commands.hpp"
+#include "drivers/usb/inspection.hpp"
 #include "drivers/usb/protocol.hpp"
 
 namespace drivers::falcon {
@@ -59,12 +60,17 @@ class FalconProtocol final : public usb::Protocol {
   [[nodiscard]] std::string remedy() const override;
   [[nodiscard]] const usb::LinkCounters& counters() const noexcept override { return counters_; }
 
+  /// Asks a Falcon that nobody uses: whether firmware runs, and whether it is homed. At most two zero frames, no
+  /// handshake, which would restart the processor and lose both.
+  [[nodiscard]] usb::Inspection inspect(usb::Channel& channel);
+
   /// The last upload, for people; attempts 0: the firmware was running already.
   [[nodiscard]] const UploadReport& upload() const noexcept { return upload_; }
 
  private:
   [[nodiscard]] usb::UsbStatus set_up_exchange(usb::Channel& channel) noexcept;
-  [[nodiscard]] usb::UsbStatus poll_frames(usb::Channel& channel, int frames, bool& answered) noexcept;
+  [[nodiscard]] usb::UsbStatus poll_frames(usb::Channel& channel, int frames, bool& answered,
+                                           DeviceFrame* answer = nullptr) noexcept;
   [[nodiscard]] rtbus::Result<void, DeviceFault> load(usb::Channel& channel);
   [[nodiscard]] usb::UsbStatus send_frame(usb::Channel& channel, const HostFrame& frame,
                                           std::uint64_t deadline_ns) noexcept;

@@ -58,6 +58,8 @@ class Homing {
   void lost() noexcept RTBUS_NONBLOCKING { was_lost_ = true; }
 
   [[nodiscard]] bool homed() const noexcept { return homed_; }
+  /// The counters of an arm that was zeroed at home and is there now.
+  [[nodiscard]] bool near_zero(const Counts& counts) const noexcept;
   /// What the user has to do while not homed; one sentence.
   [[nodiscard]] std::string remedy() const;
   /// "hold the arm with … and press its button": how a true zero is made. A button that is pressed in another pose
@@ -67,7 +69,6 @@ class Homing {
  private:
   enum class Waits : std::uint8_t { kForHome, kForButton, kPowerLost, kJumped, kImpossible };
 
-  [[nodiscard]] bool near_zero(const Counts& counts) const noexcept;
   struct Seen {
     Counts counts{};
     std::uint64_t time_ns = 0;
