@@ -5,8 +5,10 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
+#include "rtbus/link_messages.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/result.hpp"
 
@@ -80,6 +82,10 @@ class Device {
   /// `now_ns`. @realtime No; may take seconds.
   [[nodiscard]] virtual rtbus::Result<void, DeviceFault> start(std::uint64_t now_ns) = 0;
 
+  /// Ends a start() that another thread is in, which then fails soon. Without one it does nothing: whoever cannot tell
+  /// calls it again until start() has returned. @realtime No.
+  virtual void cancel_start() noexcept {}
+
   /// `clock: device` only: blocks until a sample newer than the last read is there, at most until `deadline_ns`. May
   /// return kLost at once; the loop then waits for its next period by itself.
   /// @realtime Yes: the loop's one blocking call.
@@ -97,6 +103,9 @@ class Device {
   /// @realtime Yes.
   [[nodiscard]] virtual IoStatus write(std::uint64_t now_ns,
                                        const ForceCommand& command) noexcept RTBUS_NONBLOCKING = 0;
+
+  /// How the link to the device does; none: it has no link that could fail. Any thread. @realtime No.
+  [[nodiscard]] virtual std::optional<rtbus::LinkStats> link_stats() const { return std::nullopt; }
 
   /// Commands that write() had to clamp or refuse since start [count]. @realtime Yes.
   [[nodiscard]] virtual std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING = 0;

@@ -5,7 +5,10 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <cstdio>
+#include <thread>
+#include <utility>
 
 #include "haptic_node/node.hpp"
 #include "haptic_node/node_config.hpp"
@@ -13,6 +16,7 @@
 #include "rtbus/ending_signals.hpp"
 #include "rtbus/leash.hpp"
 #include "rtbus/node_log.hpp"
+#include "rtbus/realtime.hpp"
 
 namespace {
 
@@ -26,6 +30,29 @@ void use_small_stacks() {
   pthread_attr_setstacksize(&attributes, 1024 * 1024);
   pthread_setattr_default_np(&attributes);
   pthread_attr_destroy(&attributes);
+}
+
+/// Devices may take seconds to start (firmware, a board that does not answer): an ending signal ends that too. The
+/// other cancels again and again, for it cannot tell when the device began to listen.
+struct Started {
+  rtbus::Result<void, haptic::NodeFault> outcome;
+  int ended_by = 0;  ///< The signal that came meanwhile; 0: none.
+};
+Started start(haptic::Node& node, const sigset_t& ending) {
+  std::atomic<bool> done{false};
+  int ended_by = 0;
+  std::thread watch([&] {
+    rtbus::name_this_thread("haptic_start");
+    while (!done.load()) {
+      const timespec pause{0, 20'000'000};
+      if (const int number = sigtimedwait(&ending, nullptr, &pause); number > 0) ended_by = number;
+      if (ended_by != 0 && !done.load()) node.cancel_start();
+    }
+  });
+  auto outcome = node.start();
+  done.store(true);
+  watch.join();
+  return {std::move(outcome), ended_by};
 }
 
 }  // namespace
@@ -71,12 +98,17 @@ int main(int argc, char** argv) {
     return kExitUsage;
   }
 
-  if (auto started = node->start(); !started) {
-    spdlog::error("{}", started.error().message);
+  const Started started = start(*node, ending);
+  if (!started.outcome && started.ended_by != 0) {
+    spdlog::info("{}: ended before the device was ready; it got no force", strsignal(started.ended_by));
+    return 0;
+  }
+  if (!started.outcome) {
+    spdlog::error("{}", started.outcome.error().message);
     return kExitFailed;
   }
-  int received = -1;
-  while (received < 0) {
+  int received = started.ended_by;
+  while (received <= 0) {
     const timespec pause{0, 50'000'000};
     received = sigtimedwait(&ending, nullptr, &pause);
     node->report_events();

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <optional>
 #include <system_error>
 
 #include "haptic_node/bus_link.hpp"
 #include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/link_messages.hpp"
 #include "rtbus/pacer.hpp"
 #include "rtbus/publication.hpp"
 
@@ -37,9 +39,9 @@ const char* describe(LoopEvent event) {
     case LoopEvent::kLinkAlive:
       return "physics is there: force ramps up";
     case LoopEvent::kDeviceLost:
-      return "the device does not answer: zero force";
+      return "the device does not answer or takes no force: zero force";
     case LoopEvent::kDeviceBack:
-      return "the device answers";
+      return "the device answers and takes forces";
     case LoopEvent::kOverspeed:
       return "overspeed: force cut until the tip is slow again";
     case LoopEvent::kClutched:
@@ -66,6 +68,7 @@ struct Node::Topics {
   rtbus::Publication<rtbus::LoopStats> loop_stats;
   rtbus::Publication<rtbus::Heartbeat> heartbeat;
   rtbus::Publication<rtbus::NodeInfo> node_info;
+  std::optional<rtbus::Publication<rtbus::LinkStats>> link_stats;  ///< Of a device over USB.
 
   /// Housekeeping: makes anew what somebody has deleted, and finds physics.
   void maintain() noexcept {
@@ -74,10 +77,13 @@ struct Node::Topics {
     telemetry.maintain();
     loop_stats.maintain();
     node_info.maintain();
+    if (link_stats) link_stats->maintain();
   }
   /// How often that was needed, and whether it fails. Any thread.
   [[nodiscard]] rtbus::RenewalCount renewals() const noexcept {
-    return rtbus::count_renewals(heartbeat, link.device_state(), telemetry, loop_stats, node_info);
+    rtbus::RenewalCount count = rtbus::count_renewals(heartbeat, link.device_state(), telemetry, loop_stats, node_info);
+    if (link_stats) count += rtbus::count_renewals(*link_stats);
+    return count;
   }
 };
 
@@ -102,13 +108,19 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   auto loop_stats = create(std::type_identity<rtbus::LoopStats>{}, "loop_stats", 16);
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "node_info", 4);
+  std::optional<rtbus::Publication<rtbus::LinkStats>> link_stats;
+  if (settings.device->uses_usb()) {
+    auto made = create(std::type_identity<rtbus::LinkStats>{}, "link_stats", 16);
+    if (made) link_stats.emplace(std::move(*made));
+  }
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
   node->topics_.reset(new Topics{.link = {std::move(*device_state), session, settings.name,
                                           find_renderer(settings.method)->needs_physics, settings.wire},
                                  .telemetry = std::move(*telemetry),
                                  .loop_stats = std::move(*loop_stats),
                                  .heartbeat = std::move(*heartbeat),
-                                 .node_info = std::move(*node_info)});
+                                 .node_info = std::move(*node_info),
+                                 .link_stats = std::move(link_stats)});
 
   auto device = settings.device->open({.session = session,
                                        .node_name = settings.name,
@@ -271,6 +283,8 @@ void Node::publish_stats(double achieved_hz) noexcept {
   rtbus::LoopStats stats = loop_->stats();
   stats.achieved_hz = achieved_hz;
   topics_->loop_stats.publish(stats, rtbus::monotonic_ns());
+  if (!topics_->link_stats) return;
+  if (const auto link = device_->link_stats()) topics_->link_stats->publish(*link, rtbus::monotonic_ns());
 }
 
 void Node::house_thread() noexcept {

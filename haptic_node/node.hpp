@@ -31,8 +31,11 @@ class Node {
                                                                             const rtbus::Session& session);
   ~Node();
 
-  /// Starts both threads. Fails when `realtime.policy: enforce` was not granted.
+  /// Starts the device, then both threads. Fails when `realtime.policy: enforce` was not granted.
   [[nodiscard]] rtbus::Result<void, NodeFault> start();
+
+  /// Ends a start() that another thread is in and that waits for the device; see drivers::Device::cancel_start().
+  void cancel_start() noexcept { device_->cancel_start(); }
 
   /// Tells the user what the loop and the housekeeping have noted since the last call. One thread. @realtime No.
   void report_events();

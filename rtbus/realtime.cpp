@@ -180,6 +180,20 @@ void leave_realtime() noexcept {
   if (fd >= 0) ::close(fd);
 }
 
+ThreadScheduling::ThreadScheduling() noexcept
+    : policy_(::sched_getscheduler(0)), cores_known_(::sched_getaffinity(0, sizeof cores_, &cores_) == 0) {
+  sched_param parameters{};
+  if (::sched_getparam(0, &parameters) == 0) priority_ = parameters.sched_priority;
+}
+
+void ThreadScheduling::restore() const noexcept {
+  sched_param parameters{};
+  parameters.sched_priority = priority_;
+  // The flag may not be taken back without privilege.
+  (void)::sched_setscheduler(0, policy_ | SCHED_RESET_ON_FORK, &parameters);
+  if (cores_known_) (void)::sched_setaffinity(0, sizeof cores_, &cores_);
+}
+
 bool prefer_on_time() noexcept {
   sched_param parameters{};
   parameters.sched_priority = kSignOfLifePriority;

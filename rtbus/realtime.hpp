@@ -1,6 +1,8 @@
 #pragma once
 /// @file realtime.hpp
 /// What a realtime thread asks of Linux, and what Linux really granted.
+#include <sched.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -47,6 +49,20 @@ struct RealtimeGrant {
 
 /// Gives /dev/cpu_dma_latency back. The kernel does the same when the process ends.
 void leave_realtime() noexcept;
+
+/// How a thread was scheduled when this was made, for one that is realtime for a while only. Memory and CPU latency are
+/// the process's and stay. @realtime No.
+class ThreadScheduling {
+ public:
+  ThreadScheduling() noexcept;    ///< Of the calling thread.
+  void restore() const noexcept;  ///< On the same thread: policy, priority and cores.
+
+ private:
+  int policy_ = 0;
+  int priority_ = 0;
+  cpu_set_t cores_{};
+  bool cores_known_ = false;
+};
 
 /// Gives the calling thread a low SCHED_FIFO priority if this process may have one, so that a busy machine does not delay a
 /// sign of life. Nothing else changes; no warning, since nothing unsafe follows from a refusal.

@@ -24,6 +24,7 @@ Action add_doctor(CLI::App& command);
 Action add_evaluate(CLI::App& command);
 Action add_devices(CLI::App& command);
 Action add_device_test(CLI::App& command);
+Action add_calibrate(CLI::App& command);
 Action add_virtual_device(CLI::App& command);
 Action add_bench(CLI::App& command);
 Action add_tune(CLI::App& command);

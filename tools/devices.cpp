@@ -1,12 +1,15 @@
-// `rtbus devices`: haptic devices on the USB bus, who takes them, and what keeps one from being used.
+// `rtbus devices`: haptic devices on the USB bus, who takes them, how they are, and what keeps one from being used.
 #include <cstdio>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "drivers/usb/driver_module.hpp"
+#include "rtbus/config/document.hpp"
 #include "tools/command.hpp"
+#include "tools/device_target.hpp"
 #include "tools/text_table.hpp"
 
 namespace tools {
@@ -16,37 +19,74 @@ namespace {
 using drivers::usb::FoundDevice;
 
 struct DevicesOptions {
+  std::string named;
+  std::vector<std::string> virtual_files;
   bool json = false;
   bool all = false;
+  bool ask = true;
 };
 
-std::string usb_id(const FoundDevice& device) {
-  char text[16];
-  std::snprintf(text, sizeof text, "%04x:%04x", device.vendor_id, device.product_id);
-  return text;
+/// "runs, homed"; why it was not asked; "-".
+std::string state_text(const FoundDevice& device) {
+  if (!device.asked) return device.not_asked.empty() ? "-" : device.not_asked;
+  const drivers::usb::Inspection& says = device.says;
+  std::string out = says.model;
+  for (const std::string& each : {says.firmware.empty() ? "" : "firmware " + says.firmware, says.homing}) {
+    if (!each.empty()) out += (out.empty() ? "" : ", ") + each;
+  }
+  return out;
 }
 
 nlohmann::ordered_json to_json(const FoundDevice& device) {
   const auto or_null = [](const std::string& text) {
     return text.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(text);
   };
-  return {{"usb_id", usb_id(device)},
-          {"serial", or_null(device.serial)},
-          {"product", or_null(device.product)},
-          {"driver", or_null(device.driver)},
-          {"node", device.node},
-          {"permitted", device.permitted},
-          {"kernel_driver", or_null(device.kernel_driver)},
-          {"remedy", or_null(device.remedy)}};
+  const drivers::usb::Inspection& says = device.says;
+  return {
+      {"usb_id", device.usb_id()},
+      {"serial", or_null(device.serial)},
+      {"product", or_null(device.product)},
+      {"driver", or_null(device.driver)},
+      {"node", device.node},
+      {"permitted", device.permitted},
+      {"kernel_driver", or_null(device.kernel_driver)},
+      {"in_use_by", or_null(device.in_use_by)},
+      {"asked", device.asked},
+      {"not_asked", or_null(device.not_asked)},
+      {"model", or_null(says.model)},
+      {"firmware", or_null(says.firmware)},
+      {"homing", or_null(says.homing)},
+      {"homed", device.asked && says.answered ? nlohmann::ordered_json(says.homed) : nlohmann::ordered_json(nullptr)},
+      {"counters", says.counters},
+      {"remedy", or_null(device.remedy)}};
 }
 
 int devices(const DevicesOptions& options) {
   drivers::usb::FoundDevices found;
   const auto module = drivers::usb::load_usb_module();
   if (module) {
-    found = (*module)->list();
+    drivers::usb::ListRequest request;
+    request.ask = options.ask;
+    request.named = options.named;
+    std::vector<std::unique_ptr<drivers::DeviceConfig>> virtual_devices;
+    try {
+      virtual_devices = read_virtual_files(options.virtual_files);
+    } catch (const rtbus::config::Error& error) {
+      std::fprintf(stderr, "%s\n", error.what());
+      return kExitUsage;
+    }
+    for (const auto& config : virtual_devices) request.virtual_devices.push_back(config.get());
+    found = (*module)->list(request);
   } else {
     found.problem = "looking for USB devices " + module.error();
+  }
+  if (!options.named.empty() && found.problem.empty()) {
+    std::erase_if(found.devices, [&](const FoundDevice& device) { return !device.is(options.named); });
+    if (found.devices.empty()) {
+      std::fprintf(stderr, "rtbus devices: no device is called %s; without an ID all are shown\n",
+                   options.named.c_str());
+      return kExitFailed;
+    }
   }
   if (!options.all) {
     std::erase_if(found.devices, [](const FoundDevice& device) { return device.driver.empty(); });
@@ -74,16 +114,18 @@ int devices(const DevicesOptions& options) {
                    {"PRODUCT", kLeft},
                    {"DRIVER", kLeft},
                    {"PERMITTED", kLeft},
-                   {"KERNEL DRIVER", kLeft},
-                   {"NODE", kLeft}});
+                   {"NODE", kLeft},
+                   {"STATE", kLeft}});
   const auto or_dash = [](const std::string& text) { return text.empty() ? std::string("-") : text; };
   for (const FoundDevice& device : found.devices) {
-    table.add({usb_id(device), or_dash(device.serial), or_dash(device.product), or_dash(device.driver),
-               device.permitted ? "yes" : "no", or_dash(device.kernel_driver), device.node});
+    table.add({device.usb_id(), or_dash(device.serial), or_dash(device.product), or_dash(device.driver),
+               device.permitted ? "yes" : "no", device.node, state_text(device)});
   }
   for (const std::string& line : table.lines()) std::printf("%s\n", line.c_str());
   for (const FoundDevice& device : found.devices) {
-    if (!device.remedy.empty()) std::printf("%s: %s\n", device.node.c_str(), device.remedy.c_str());
+    if (device.remedy.empty()) continue;
+    std::printf("%s%s: %s\n", device.usb_id().c_str(), device.serial.empty() ? "" : (":" + device.serial).c_str(),
+                device.remedy.c_str());
   }
   return kExitFine;
 }
@@ -92,6 +134,15 @@ int devices(const DevicesOptions& options) {
 
 Action add_devices(CLI::App& command) {
   auto options = std::make_shared<DevicesOptions>();
+  command
+      .add_option("device", options->named, "Only this one, by USB ID, serial or driver; a named Teensy is asked too")
+      ->type_name("ID");
+  command
+      .add_option("--virtual", options->virtual_files,
+                  "Show the virtual devices of these device files, as if plugged in, and not the bus")
+      ->take_all()
+      ->type_name("FILE");
+  command.add_flag("!--no-ask", options->ask, "Look only: open no device to ask for its firmware and homing");
   command.add_flag("--all", options->all, "Also what no driver of ours takes");
   command.add_flag("--json", options->json, "As JSON, schema rtbus-devices/1");
   return [options] { return devices(*options); };

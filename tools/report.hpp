@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "rtbus/link_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "tools/ask_kernel.hpp"
 #include "tools/bare_loop.hpp"
@@ -33,6 +34,7 @@ struct HapticFigures {
   std::string name;
   rtbus::NodeInfo info;
   rtbus::LoopStats stats;  ///< The last that the node published: everything since its loop started.
+  std::optional<rtbus::LinkStats> link;  ///< Of a device over USB: likewise.
   bool needs_physics = false;
   std::uint64_t observed_ticks = 0;       ///< Ticks whose telemetry was seen here.
   std::uint64_t missed_by_observer = 0;   ///< Telemetry that was overwritten before it could be read.

@@ -68,6 +68,15 @@ std::string safety_text(const rtbus::LoopStats& s) {
   return text.empty() ? "nothing was cut" : text;
 }
 
+std::string link_text(const rtbus::LinkStats& link) {
+  const auto us = [](double value) { return fixed(value, 0); };
+  return std::to_string(link.exchanges) + " exchanges, " + std::to_string(link.silences) + " without answer, " +
+         std::to_string(link.late_forces) + " late forces, " + std::to_string(link.bad_frames) + " bad, " +
+         std::to_string(link.line_errors) + " line errors, " + std::to_string(link.losses) +
+         " losses; sample to wire p50 " + us(link.sample_to_wire_p50_us) + ", p99 " + us(link.sample_to_wire_p99_us) +
+         " us";
+}
+
 /// The haptic loop and the bare loop, one above the other, so that the eye compares.
 void add_loops(std::string& out, const HapticFigures& haptic, const BareLoopFigures* bare) {
   using enum TextTable::Align;
@@ -124,6 +133,7 @@ void add_haptic(std::string& out, const RunReport& report, const HapticFigures& 
            figure(1e3 * haptic.generated_peak_j) + " mJ given; " + figure(1e3 * s.energy_removed_j) +
            " mJ removed by the passivity damper");
   line(out, "safety", safety_text(s));
+  if (haptic.link) line(out, "USB link", link_text(*haptic.link));
   line(out, "process", cost_text(haptic.cost, report.duration_s));
   line(out, "left out", text_of(haptic.info.left_out));
   if (haptic.missed_by_observer > 0) {

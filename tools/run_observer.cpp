@@ -32,6 +32,7 @@ HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::Hapt
       info_reader_(session, config.name + ".node_info"),
       proxies_(session, "physics.proxy_state." + config.name),
       mapping_(config.mapping) {
+  if (config.device && config.device->uses_usb()) link_reader_.emplace(session, config.name + ".link_stats");
   const haptic::RendererEntry* const law = haptic::find_renderer(config.method);
   if (law == nullptr || !law->needs_physics) return;
   // A reference is the law without delay: of interpolation the force itself, without ramp (one cycle in improved form).
@@ -47,6 +48,7 @@ bool HapticObserver::attach() {
   all = attach_to(stats_reader_) && all;
   all = attach_to(info_reader_) && all;
   if (needs_physics()) all = attach_to(proxies_) && all;
+  if (link_reader_) all = attach_to(*link_reader_) && all;
   return all;
 }
 
@@ -80,6 +82,7 @@ void HapticObserver::drain() {
   }
   (void)stats_reader_.read_latest(stats_);
   (void)info_reader_.read_latest(info_);
+  if (link_reader_) (void)link_reader_->read_latest(link_);
   (void)attach();
 }
 
@@ -88,6 +91,7 @@ HapticFigures HapticObserver::figures() const {
   out.name = config_.name;
   out.info = info_.value;
   out.stats = stats_.value;
+  if (link_.sequence != 0) out.link = link_.value;
   out.observed_ticks = observed_ticks_;
   out.missed_by_observer = ticks_.missed();
   out.generated_peak_j = generated_peak_j_;

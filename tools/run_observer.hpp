@@ -9,6 +9,7 @@
 #include "haptic_node/mapping.hpp"
 #include "haptic_node/node_config.hpp"
 #include "rtbus/histogram.hpp"
+#include "rtbus/link_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/subscription.hpp"
 #include "tools/live_error.hpp"
@@ -74,12 +75,14 @@ class HapticObserver {
   rtbus::Subscription<rtbus::LoopStats> stats_reader_;
   rtbus::Subscription<rtbus::NodeInfo> info_reader_;
   rtbus::Subscription<rtbus::ProxyState> proxies_;
+  std::optional<rtbus::Subscription<rtbus::LinkStats>> link_reader_;  ///< Of a device over USB.
   std::optional<LiveError> error_;  ///< None for a law that needs no physics.
 
   rtbus::Stamped<rtbus::Telemetry> tick_;
   rtbus::Stamped<rtbus::ProxyState> proxy_;
   rtbus::Stamped<rtbus::LoopStats> stats_;
   rtbus::Stamped<rtbus::NodeInfo> info_;
+  rtbus::Stamped<rtbus::LinkStats> link_;
   std::uint64_t first_due_ns_ = 0;
   std::uint64_t observed_ticks_ = 0;
   double generated_peak_j_ = 0.0;

@@ -41,6 +41,7 @@ struct TopCollector::Node {
         info(session, name + ".node_info"),
         loop_stats(session, name + ".loop_stats"),
         device_state(session, name + ".device_state"),
+        link_stats(session, name + ".link_stats"),
         step_stats(session, name + ".step_stats") {
     if (follow_telemetry) telemetry.emplace(session, name + ".telemetry", true);
   }
@@ -53,6 +54,7 @@ struct TopCollector::Node {
   Follow<rtbus::NodeInfo> info;
   Follow<rtbus::LoopStats> loop_stats;
   Follow<rtbus::DeviceState> device_state;
+  Follow<rtbus::LinkStats> link_stats;  ///< Never comes where there is no link.
   Follow<rtbus::StepStats> step_stats;
   std::optional<Follow<rtbus::Telemetry>> telemetry;
   RecentSignals signals;
@@ -107,8 +109,12 @@ void TopCollector::add_nodes(TopSnapshot& snapshot, const std::vector<rtbus::Top
       snapshot.physics.push_back({name, life, info, value_of(node->step_stats.newest())});
       continue;
     }
-    HapticView view{name,         life,         info,        std::nullopt, value_of(node->device_state.newest()),
-                    std::nullopt, std::nullopt, std::nullopt};
+    HapticView view;
+    view.name = name;
+    view.life = life;
+    view.info = info;
+    view.device = value_of(node->device_state.newest());
+    view.link = value_of(node->link_stats.newest());
     node->take_telemetry();
     // Its own clock: what came while it was read is not from the future.
     if (node->telemetry) view.recent = node->signals.view(rtbus::monotonic_ns(), node->telemetry->missed());

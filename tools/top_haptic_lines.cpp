@@ -274,6 +274,25 @@ void HapticLines::add_safety(Lines& lines) const {
   lines.push_back(std::move(line));
 }
 
+void HapticLines::add_link(Lines& lines) const {
+  if (!view_.link) return;
+  const rtbus::LinkStats& link = *view_.link;
+  const auto state = static_cast<rtbus::LinkState>(link.state);
+  const bool bad = state == rtbus::LinkState::kLost || state == rtbus::LinkState::kOpening;
+  ViewLine line(std::string("  USB link  "));
+  line.add(rtbus::to_string(state), state == rtbus::LinkState::kRunning ? Tone::kGood : bad ? Tone::kBad : Tone::kWarn);
+  line.add(print("  exchanges %llu", count(link.exchanges)));
+  line.add(print("  unanswered %llu", count(link.silences)), link.silences > 0 ? Tone::kWarn : Tone::kPlain);
+  line.add(print("  late %llu", count(link.late_forces)));
+  line.add(print("  bad %llu", count(link.bad_frames + link.line_errors)));
+  if (link.withheld > 0) line.add(print("  withheld %llu", count(link.withheld)), Tone::kWarn);
+  if (link.losses > 0) line.add(print("  lost %llu x", count(link.losses)), Tone::kWarn);
+  const Units& units = style_.units;
+  line.add("  to wire p50 " + units.latency(link.sample_to_wire_p50_us * 1e-6));
+  line.add(" p99 " + units.latency(link.sample_to_wire_p99_us * 1e-6) + " " + units.latency_unit());
+  lines.push_back(std::move(line));
+}
+
 void HapticLines::add_cut(Lines& lines) const {
   ViewLine line(std::string("  last cut  "));
   if (view_.recent && view_.recent->cut) {

@@ -28,6 +28,7 @@ class HapticLines {
   void add_position_curves(Lines& lines) const;
   void add_energy(Lines& lines) const;
   void add_safety(Lines& lines) const;
+  void add_link(Lines& lines) const;  ///< Of a device over USB.
   void add_cut(Lines& lines) const;
 
  private:

@@ -48,6 +48,23 @@ Json stats_json(const rtbus::LoopStats& s) {
   return json;
 }
 
+Json link_json(const rtbus::LinkStats& link) {
+  return {{"state", rtbus::to_string(static_cast<rtbus::LinkState>(link.state))},
+          {"exchanges", link.exchanges},
+          {"lost_frames", link.lost_frames},
+          {"bad_frames", link.bad_frames},
+          {"resyncs", link.resyncs},
+          {"line_errors", link.line_errors},
+          {"limited", link.limited},
+          {"silences", link.silences},
+          {"late_forces", link.late_forces},
+          {"timed_out", link.timed_out},
+          {"withheld", link.withheld},
+          {"losses", link.losses},
+          {"sample_to_wire_us", {{"p50", link.sample_to_wire_p50_us}, {"p99", link.sample_to_wire_p99_us}}},
+          {"period_us", {{"p50", link.period_p50_us}, {"p99", link.period_p99_us}}}};
+}
+
 /// The last 10 s, from the telemetry.
 Json recent_json(const RecentView& recent) {
   Json json = {{"ticks", recent.ticks},
@@ -83,6 +100,7 @@ Json haptic_json(const HapticView& view) {
                        {"limit", view.info ? Json(view.info->force_limit_n) : Json(nullptr)}};
     json["last_loss_age_s"] = or_null(view.loss_age_s);
   }
+  if (view.link) json["link"] = link_json(*view.link);
   json["recent"] = view.recent ? recent_json(*view.recent) : Json(nullptr);
   if (view.device) {
     json["position_m"] = view.device->position_m;

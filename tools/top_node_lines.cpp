@@ -68,6 +68,7 @@ Lines haptic_lines(const HapticView& view, Detail detail, bool chosen, const Lin
   if (detail >= Detail::kSketched) part.add_position_curves(lines);
   if (detail >= Detail::kFigures) part.add_energy(lines);
   part.add_safety(lines);
+  part.add_link(lines);
   if (detail >= Detail::kSketched) part.add_cut(lines);
   if (detail >= Detail::kDrawn) add_left_out(lines, view.info, style);
   return lines;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "rtbus/link_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/top_signal.hpp"
@@ -33,6 +34,7 @@ struct HapticView {
   std::optional<rtbus::NodeInfo> info;
   std::optional<rtbus::LoopStats> stats;
   std::optional<rtbus::DeviceState> device;
+  std::optional<rtbus::LinkStats> link;  ///< Of a device over USB.
   std::optional<double> force_n;     ///< RMS of the force over the last fraction of a second.
   std::optional<double> loss_age_s;  ///< Since physics was last declared lost.
   std::optional<RecentView> recent;  ///< From the telemetry; none when it is not followed or nothing came.

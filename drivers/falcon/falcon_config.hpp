@@ -21,4 +21,7 @@ struct FalconFile {
 /// The row of the driver registry. Throws rtbus::config::Error.
 [[nodiscard]] std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file);
 
+/// How a Falcon on this channel is; see FalconProtocol::inspect().
+[[nodiscard]] usb::Inspection inspect(usb::Channel& channel);
+
 }  // namespace drivers::falcon

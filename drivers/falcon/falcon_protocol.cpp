@@ -43,6 +43,8 @@ void FalconProtocol::forget() noexcept {
   unanswered_ = 0;
   sends_since_ = 0;
   homed_ = 0;
+  doubted_ = false;
+  withheld_ = false;
   carried_ = 0.0;
   position_m_ = settings_.centre_m;
   angles_rad_.setConstant(settings_.geometry.zero_angle_rad);
@@ -113,7 +115,7 @@ UsbStatus FalconProtocol::set_up_exchange(usb::Channel& channel) noexcept {
 }
 
 // Zero-force frames until one is answered by a well-formed frame.
-UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& answered) noexcept {
+UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& answered, DeviceFrame* answer) noexcept {
   answered = false;
   for (int i = 0; i < frames; ++i) {
     const std::uint64_t until_ns = channel.now_ns() + seconds_to_ns(kFrameWaitS);
@@ -122,6 +124,7 @@ UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& a
       DeviceFrame frame;
       if (newest_frame(frame)) {
         answered = true;
+        if (answer != nullptr) *answer = frame;
         return UsbStatus::kOk;
       }
       if (channel.now_ns() >= until_ns) break;
@@ -130,6 +133,33 @@ UsbStatus FalconProtocol::poll_frames(usb::Channel& channel, int frames, bool& a
     if (status == UsbStatus::kLost || status == UsbStatus::kStopping) return status;
   }
   return UsbStatus::kOk;
+}
+
+usb::Inspection FalconProtocol::inspect(usb::Channel& channel) {
+  usb::Inspection out;
+  out.model = "Novint Falcon";
+  forget();
+  DeviceFrame frame;
+  UsbStatus status = set_up_exchange(channel);
+  if (status == UsbStatus::kOk) status = poll_frames(channel, kProbeFrames, out.answered, &frame);
+  if (status != UsbStatus::kOk) {
+    out.remedy = lost_or_refused(status).message;
+    return out;
+  }
+  if (!out.answered) {
+    out.firmware = "not running (or no wall power)";
+    out.homing = "not homed";
+    out.remedy = "connect its wall power; the driver loads the firmware that the device file names (docs/devices.md)";
+    return out;
+  }
+  out.firmware = "runs";
+  out.homed = frame.homed == kAllHomed;
+  out.homing = out.homed ? "homed" : "not homed";
+  out.counters.assign(frame.encoder.begin(), frame.encoder.end());
+  homed_ = frame.homed;
+  out.remedy = remedy();
+  shut_down(channel);  // its lights are those of a Falcon that nobody uses
+  return out;
 }
 
 UsbStatus FalconProtocol::send_frame(usb::Channel& channel, const HostFrame& frame,
@@ -190,6 +220,7 @@ UsbStatus FalconProtocol::send(usb::Channel& channel, const Vec3& force_n, doubl
                                std::uint64_t deadline_ns) noexcept {
   discard_late_answers(channel);
   HostFrame frame;
+  const bool asked = force_n != Vec3{};
   if (homed_ == kAllHomed) {
     frame.flags = static_cast<std::uint8_t>(kGreenLed | (settings_.keep_homing_flag ? kHoming : 0));
     // The weight is carried only while somebody answers for it: a loop that renders, a device that says where it is.
@@ -214,9 +245,12 @@ UsbStatus FalconProtocol::send(usb::Channel& channel, const Vec3& force_n, doubl
         commands_for_force(kinematics_, position_m_, angles_rad_, force, settings_.command_gain);
     if (commands.limited) ++counters_.clamped;
     frame.motor = commands.count;
+    // Refused as a whole: not finite, or no motor commands make it where the grip is.
+    withheld_ = asked && commands.limited && commands.count == std::array<std::int16_t, 3>{};
   } else {
     frame.flags = kHoming | kRedLed;
     carried_ = 0.0;
+    withheld_ = asked;
   }
   return send_frame(channel, frame, deadline_ns);
 }
@@ -225,7 +259,10 @@ ExchangeStatus FalconProtocol::receive(usb::Channel& channel, DeviceSample& out,
   constexpr int kMaxTransfers = 1000;  // a device that floods the line must not hold the thread
   for (int i = 0; i < kMaxTransfers; ++i) {
     DeviceFrame frame;
-    if (newest_frame(frame) && accept(frame, channel.now_ns(), out)) return ExchangeStatus::kSample;
+    // One command, one answer: behind one that is not believed comes no other.
+    if (newest_frame(frame)) {
+      return accept(frame, channel.now_ns(), out) ? ExchangeStatus::kSample : ExchangeStatus::kNothing;
+    }
     switch (read_into_finder(channel, deadline_ns)) {
       case UsbStatus::kOk:
         break;
@@ -248,6 +285,14 @@ ExchangeStatus FalconProtocol::receive(usb::Channel& channel, DeviceSample& out,
 }
 
 bool FalconProtocol::accept(const DeviceFrame& frame, std::uint64_t now_ns, DeviceSample& out) noexcept {
+  // A wrong bit on the line looks like that once; a Falcon that has lost its homing goes on saying so. The frame's
+  // encoders may be of either kind, so it is no measurement.
+  const bool lost_homing = homed_ == kAllHomed && frame.homed != kAllHomed;
+  if (lost_homing && !std::exchange(doubted_, true)) {
+    ++counters_.bad_frames;
+    return false;
+  }
+  doubted_ = false;
   const Counts counts{frame.encoder[0], frame.encoder[1], frame.encoder[2]};
   const Eigen::Vector3d angles_rad = kinematics_.angles_rad(counts);
   const auto position_m = kinematics_.position_m(angles_rad);

@@ -18,6 +18,7 @@
 #include "drivers/falcon/falcon_frame.hpp"
 #include "drivers/falcon/falcon_kinematics.hpp"
 #include "drivers/falcon/motor_commands.hpp"
+#include "drivers/usb/inspection.hpp"
 #include "drivers/usb/protocol.hpp"
 
 namespace drivers::falcon {
@@ -47,6 +48,7 @@ class FalconProtocol final : public usb::Protocol {
   [[nodiscard]] rtbus::Result<void, DeviceFault> bring_up(usb::Channel& channel) override;
   [[nodiscard]] usb::UsbStatus send(usb::Channel& channel, const Vec3& force_n, double dt_s,
                                     std::uint64_t deadline_ns) noexcept override;
+  [[nodiscard]] bool withheld() const noexcept override { return withheld_; }
   void set_live(bool live) noexcept override { live_ = live; }
   [[nodiscard]] usb::ExchangeStatus receive(usb::Channel& channel, DeviceSample& out,
                                             std::uint64_t deadline_ns) noexcept override;
@@ -58,12 +60,17 @@ class FalconProtocol final : public usb::Protocol {
   [[nodiscard]] std::string remedy() const override;
   [[nodiscard]] const usb::LinkCounters& counters() const noexcept override { return counters_; }
 
+  /// Asks a Falcon that nobody uses: whether firmware runs, and whether it is homed. At most two zero frames, no
+  /// handshake, which would restart the processor and lose both.
+  [[nodiscard]] usb::Inspection inspect(usb::Channel& channel);
+
   /// The last upload, for people; attempts 0: the firmware was running already.
   [[nodiscard]] const UploadReport& upload() const noexcept { return upload_; }
 
  private:
   [[nodiscard]] usb::UsbStatus set_up_exchange(usb::Channel& channel) noexcept;
-  [[nodiscard]] usb::UsbStatus poll_frames(usb::Channel& channel, int frames, bool& answered) noexcept;
+  [[nodiscard]] usb::UsbStatus poll_frames(usb::Channel& channel, int frames, bool& answered,
+                                           DeviceFrame* answer = nullptr) noexcept;
   [[nodiscard]] rtbus::Result<void, DeviceFault> load(usb::Channel& channel);
   [[nodiscard]] usb::UsbStatus send_frame(usb::Channel& channel, const HostFrame& frame,
                                           std::uint64_t deadline_ns) noexcept;
@@ -80,6 +87,8 @@ class FalconProtocol final : public usb::Protocol {
   int unanswered_ = 0;   ///< Commands whose answer may still come.
   int sends_since_ = 0;  ///< Sends since that became more than one.
   std::uint8_t homed_ = 0;
+  bool doubted_ = false;  ///< The last answer was the first one without all axes homed.
+  bool withheld_ = false;
   bool live_ = true;
   std::uint64_t accepted_ns_ = 0;  ///< When the last valid answer came.
   double carried_ = 0.0;           ///< Share of the grip's weight that the motors carry now, 0…1.

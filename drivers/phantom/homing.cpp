@@ -22,6 +22,7 @@ double gap(const Counts& a, const Counts& b, std::size_t i) {
 
 Homing::Homing(const Kinematics& kinematics, HomingMode mode, double tolerance_rad)
     : mode_(mode),
+      home_(kinematics.model().home),
       counts_per_rad_((kinematics.counts({1, 1, 1}) - kinematics.counts({0, 0, 0})).cwiseAbs()),
       tolerance_rad_(tolerance_rad) {}
 
@@ -120,22 +121,29 @@ Homing::Verdict Homing::update(std::uint64_t now_ns, const Counts& counts, bool 
   return homed_ ? Verdict::kHomed : Verdict::kNotHomed;
 }
 
+std::string Homing::press_at_home() const {
+  return "hold the arm at home, " + std::string(home_) +
+         ", and press the calibration button of its controller while it is there (pressed in any other pose, the zero "
+         "would be wrong and every force with it)";
+}
+
 std::string Homing::remedy() const {
-  const std::string press = "hold the arm in its home pose and press the calibration button of its controller";
   switch (waits_) {
     case Waits::kForHome:
-      return "bring the arm into its home pose and hold it there; if its counters are not near zero then, it was not "
-             "plugged in there: press the calibration button of its controller";
+      return "bring the arm home, " + std::string(home_) +
+             ", and hold it there; if its counters are not near zero then, it was not plugged in there: " +
+             press_at_home();
     case Waits::kForButton:
-      return press + " (if nothing changes, the counters were zero there already: homing: at_start takes that)";
+      return press_at_home() +
+             "; if nothing changes, the counters were zero there already: homing: at_start takes that";
     case Waits::kPowerLost:
-      return "the controller may have been without power and has forgotten where the arm is; " + press;
+      return "the controller may have been without power and has forgotten where the arm is; " + press_at_home();
     case Waits::kJumped:
-      return "the counters jumped; " + press;
+      return "the counters jumped; " + press_at_home();
     case Waits::kImpossible:
-      return "the counters give a pose that the linkage cannot have; " + press;
+      return "the counters give a pose that the linkage cannot have; " + press_at_home();
   }
-  return press;
+  return press_at_home();
 }
 
 }  // namespace drivers::phantom

@@ -20,6 +20,7 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 #include "drivers/phantom/phantom_kinematics.hpp"
 #include "rtbus/realtime.hpp"
@@ -57,13 +58,17 @@ class Homing {
   void lost() noexcept RTBUS_NONBLOCKING { was_lost_ = true; }
 
   [[nodiscard]] bool homed() const noexcept { return homed_; }
+  /// The counters of an arm that was zeroed at home and is there now.
+  [[nodiscard]] bool near_zero(const Counts& counts) const noexcept;
   /// What the user has to do while not homed; one sentence.
   [[nodiscard]] std::string remedy() const;
+  /// "hold the arm with … and press its button": how a true zero is made. A button that is pressed in another pose
+  /// makes a wrong one that nothing on the wire tells, so the pose is always said.
+  [[nodiscard]] std::string press_at_home() const;
 
  private:
   enum class Waits : std::uint8_t { kForHome, kForButton, kPowerLost, kJumped, kImpossible };
 
-  [[nodiscard]] bool near_zero(const Counts& counts) const noexcept;
   struct Seen {
     Counts counts{};
     std::uint64_t time_ns = 0;
@@ -72,6 +77,7 @@ class Homing {
   void wait_for(Waits what) noexcept;
 
   HomingMode mode_;
+  std::string_view home_;  ///< Model::home.
   Eigen::Vector3d counts_per_rad_;
   double tolerance_rad_;
 

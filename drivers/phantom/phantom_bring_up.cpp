@@ -39,11 +39,11 @@ Outcome PhantomProtocol::bring_up(usb::Channel& channel) {
   echoes_missed_ = 0;
   wrong_model_ = 0;
   decoder_.reset();
-  for (const auto step : {&PhantomProtocol::set_line, &PhantomProtocol::drain, &PhantomProtocol::probe,
-                          &PhantomProtocol::look_for_calibration}) {
-    Outcome done = (this->*step)(channel);
-    if (!done) return done;
-  }
+  Outcome done = set_line(channel);
+  if (done) done = drain(channel);
+  if (done) done = probe(channel);
+  if (done) done = look_for_calibration(channel);
+  if (!done) return done;
   connected_ = true;
   if (!calibration_pending_) homing_->begin(channel.now_ns(), reply_.arm);
   return {};
@@ -95,7 +95,7 @@ PhantomProtocol::Got PhantomProtocol::ask(usb::Channel& channel, const CurrentsM
   return got;
 }
 
-Outcome PhantomProtocol::probe(usb::Channel& channel) {
+Outcome PhantomProtocol::probe(usb::Channel& channel, bool any_model) {
   // Zero current. The first answers may complain about half a line that a program before us left behind; two good ones
   // in a row are wanted.
   const std::uint64_t garbage_before = decoder_.garbage();
@@ -133,13 +133,47 @@ Outcome PhantomProtocol::probe(usb::Channel& channel) {
         "does not answer; every Teensy program has these USB ids: check `serial` in the device file, then the "
         "controller's firmware and power");
   }
-  if (model != static_cast<int>(settings_.model.id)) {
+  if (!any_model && model != static_cast<int>(settings_.model.id)) {
     const Model* const found = find_model(model);
     return failed("is a " + std::string(found->name) + " (model " + std::to_string(model) + "), the device file says " +
                   std::string(settings_.model.key) + "; set model: " + std::string(found->key));
   }
   answered_ns_ = channel.now_ns();
   return {};
+}
+
+usb::Inspection PhantomProtocol::inspect(usb::Channel& channel) {
+  usb::Inspection out;
+  owed_ = false;
+  abandoned_ = false;
+  decoder_.reset();
+  Outcome done = set_line(channel);
+  if (done) done = drain(channel);
+  if (done) done = probe(channel, true);
+  if (!done) {
+    out.firmware = "not of this kind";
+    out.remedy = done.error().message;
+    return out;
+  }
+  out.answered = true;
+  const Model& model = *find_model(reply_.model);
+  out.model = model.name;
+  out.model_key = model.key;
+  out.home = model.home;
+  out.firmware = "runs";
+  out.counters.assign(reply_.arm.begin(), reply_.arm.end());
+  const Kinematics kinematics(model);
+  if (model.gimbal != GimbalKind::kNone) {
+    const auto angles = kinematics.gimbal_angles(reply_.gimbal);
+    out.stylus_angle_rad.assign(angles.begin(), angles.end());
+  }
+  const Homing home(kinematics, HomingMode::kAtStart, settings_.home_tolerance_rad);
+  out.homed = home.near_zero(reply_.arm);
+  // Nothing on the wire says whether the counters were zeroed at home.
+  out.homing = out.homed ? "counters of the home pose" : "counters away from home";
+  if (!out.homed) out.remedy = home.press_at_home();
+  shut_down(channel);
+  return out;
 }
 
 Outcome PhantomProtocol::look_for_calibration(usb::Channel& channel) {

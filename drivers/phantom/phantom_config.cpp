@@ -134,13 +134,21 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
   io.fetch_first = read.fetch_first;
   io.reply_timeout_s = static_cast<double>(PhantomProtocol::kReplyLostNs) * 1e-9;
   // Interface 0 is the serial line's control, 1 its data. PJRC's shared id.
-  usb::DeviceMatch match{0x16c0, 0x0483, options.serial, {0, 1}};
+  usb::DeviceMatch match{kVendorId, kProductId, options.serial, {0, 1}};
   // What is known about the counters outlives a connection.
   auto homing =
       std::make_shared<Homing>(Kinematics(read.settings.model), read.settings.homing, read.settings.home_tolerance_rad);
-  return std::make_unique<usb::UsbDeviceConfig>(io, match, std::move(options), [settings = read.settings, homing] {
-    return std::make_unique<PhantomProtocol>(settings, homing);
-  });
+  return std::make_unique<usb::UsbDeviceConfig>(
+      io, match, std::move(options),
+      [settings = read.settings, homing] { return std::make_unique<PhantomProtocol>(settings, homing); },
+      usb::UsbTooling{&inspect, {}});
+}
+
+usb::Inspection inspect(usb::Channel& channel) {
+  PhantomSettings settings;
+  settings.model = models().front();  // it says itself which one it is
+  auto homing = std::make_shared<Homing>(Kinematics(settings.model), settings.homing, settings.home_tolerance_rad);
+  return PhantomProtocol(settings, homing).inspect(channel);
 }
 
 }  // namespace drivers::phantom

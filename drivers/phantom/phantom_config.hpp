@@ -10,6 +10,9 @@
 
 namespace drivers::phantom {
 
+inline constexpr std::uint16_t kVendorId = 0x16c0;  // PJRC's, shared by every Teensy program
+inline constexpr std::uint16_t kProductId = 0x0483;
+
 /// What the device file says, besides what all USB drivers have in common.
 struct PhantomFile {
   PhantomSettings settings;
@@ -22,5 +25,8 @@ struct PhantomFile {
 
 /// Reads what follows `schema` and `driver` in a device file. Throws rtbus::config::Error.
 [[nodiscard]] std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file);
+
+/// How the board on this channel is; see PhantomProtocol::inspect().
+[[nodiscard]] usb::Inspection inspect(usb::Channel& channel);
 
 }  // namespace drivers::phantom

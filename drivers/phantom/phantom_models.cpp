@@ -14,6 +14,7 @@ Model vintage() {
   m.id = ModelId::kVintage;
   m.key = "vintage";
   m.name = "Vintage PHANToM";
+  m.home = "with the upper arm horizontal and the forearm straight down";
   m.arm = {0.0, 0.138, 0.112};  // 0.097 without the tip adapter
   m.origin_m = {0.138, 0.0, -0.097};
   m.capstan_m = {0.013, 0.010, 0.010};
@@ -42,6 +43,7 @@ Model woody() {
   m.id = ModelId::kWoody;
   m.key = "woodenhaptics";
   m.name = "WoodenHaptics";
+  m.home = "with the upper arm upright and the forearm horizontal";
   m.arm = {0.080, 0.205, 0.245};
   m.origin_m = {0.220, 0.0, 0.080};
   m.capstan_m = {0.010, 0.010, 0.010};
@@ -68,6 +70,7 @@ Model polhem() {
   m.id = ModelId::kPolhem;
   m.key = "polhem";
   m.name = "Polhem";
+  m.home = "with its links in the maker's calibration pose";
   m.five_bar = true;
   m.linkage = {0.034, 0.165, 0.025, 0.190, 0.034, 0.1308};
   m.origin_m = {0.2045, 0.0, 0.0325};

@@ -52,6 +52,7 @@ struct Model {
   ModelId id = ModelId::kVintage;
   std::string_view key;   ///< `model:` in the device file.
   std::string_view name;  ///< For people.
+  std::string_view home;  ///< Its home pose, in words: "with the upper arm …".
   bool five_bar = false;
   SerialArm arm;                      ///< Of a serial arm.
   FiveBar linkage;                    ///< Of a five-bar.

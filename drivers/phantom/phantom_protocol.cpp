@@ -85,10 +85,13 @@ CurrentsMa PhantomProtocol::currents_for(const Vec3& force_n) noexcept {
   const Eigen::Vector3d force(force_n[0], force_n[1], force_n[2]);
   const Eigen::Vector3d torques_n_m = pose_.jacobian_m.transpose() * force;
   const Eigen::Vector3d weight_n_m = settings_.gravity_share * kinematics_.gravity_torques_n_m(angles_);
+  const Eigen::Vector3d base_ma = kinematics_.currents_ma(weight_n_m);
+  const Eigen::Vector3d force_ma = kinematics_.currents_ma(torques_n_m);
   bool limited = false;
-  const Eigen::Vector3d currents =
-      protection_.limit(kinematics_.currents_ma(weight_n_m), kinematics_.currents_ma(torques_n_m), limited);
+  const Eigen::Vector3d currents = protection_.limit(base_ma, force_ma, limited);
   if (limited) ++counters_.clamped;
+  // Where the arm's weight alone is too much for the motors nothing of the force is left.
+  withheld_ = limited && force_n != Vec3{} && (currents - base_ma).dot(force_ma) <= 0.0;
   CurrentsMa out;
   for (std::size_t i = 0; i < 3; ++i) out[i] = static_cast<int>(std::lround(currents[static_cast<int>(i)]));
   return out;
@@ -99,6 +102,7 @@ UsbStatus PhantomProtocol::send(usb::Channel& channel, const Vec3& force_n, doub
   protection_.flowed(
       {static_cast<double>(sent_ma_[0]), static_cast<double>(sent_ma_[1]), static_cast<double>(sent_ma_[2])}, dt_s);
   const std::uint64_t now_ns = channel.now_ns();
+  withheld_ = false;
   if (owed_) {
     // Two commands in the device at once would both be dropped, with the old current flowing on.
     if (now_ns < sent_ns_ + kReplyLostNs) return UsbStatus::kOk;
@@ -113,6 +117,7 @@ UsbStatus PhantomProtocol::send(usb::Channel& channel, const Vec3& force_n, doub
   }
   const bool stale = now_ns > answered_ns_ + kStaleNs;
   const bool give = homing_->homed() && !withhold_ && !stale;
+  withheld_ = !give && force_n != Vec3{};
   return transmit(channel, give ? currents_for(force_n) : CurrentsMa{}, deadline_ns);
 }
 
@@ -216,8 +221,7 @@ usb::Readiness PhantomProtocol::readiness() const noexcept {
 
 std::string PhantomProtocol::remedy() const {
   if (calibration_pending_) {
-    return "this firmware shows no counters before it was calibrated: hold the arm in its home pose and press the "
-           "calibration button of its controller";
+    return "this firmware shows no counters before it was calibrated: " + homing_->press_at_home();
   }
   return homing_->remedy();
 }

@@ -14,6 +14,7 @@
 #include "drivers/phantom/motor_protection.hpp"
 #include "drivers/phantom/phantom_kinematics.hpp"
 #include "drivers/phantom/phantom_message.hpp"
+#include "drivers/usb/inspection.hpp"
 #include "drivers/usb/protocol.hpp"
 
 namespace drivers::phantom {
@@ -44,10 +45,15 @@ class PhantomProtocol final : public usb::Protocol {
                                             std::uint64_t deadline_ns) noexcept override;
   void shut_down(usb::Channel& channel) noexcept override;
 
+  [[nodiscard]] bool withheld() const noexcept override { return withheld_; }
   [[nodiscard]] usb::Readiness readiness() const noexcept override;
   [[nodiscard]] std::string remedy() const override;
   [[nodiscard]] std::string fault() const override;
   [[nodiscard]] const usb::LinkCounters& counters() const noexcept override { return counters_; }
+
+  /// Asks a board that the user has named: which arm it is and what its counters show. Zero currents alone. (A valid
+  /// command switches the amplifiers on for 100 ms, at no current.)
+  [[nodiscard]] usb::Inspection inspect(usb::Channel& channel);
 
   /// The newest answer and the currents last sent; for tools and tests. The I/O thread's.
   [[nodiscard]] const Reply& last_reply() const noexcept { return reply_; }
@@ -61,7 +67,7 @@ class PhantomProtocol final : public usb::Protocol {
 
   [[nodiscard]] rtbus::Result<void, DeviceFault> set_line(usb::Channel& channel);
   [[nodiscard]] rtbus::Result<void, DeviceFault> drain(usb::Channel& channel);
-  [[nodiscard]] rtbus::Result<void, DeviceFault> probe(usb::Channel& channel);
+  [[nodiscard]] rtbus::Result<void, DeviceFault> probe(usb::Channel& channel, bool any_model = false);
   [[nodiscard]] rtbus::Result<void, DeviceFault> look_for_calibration(usb::Channel& channel);
   [[nodiscard]] Got ask(usb::Channel& channel, const CurrentsMa& currents_ma);
 
@@ -88,6 +94,7 @@ class PhantomProtocol final : public usb::Protocol {
   CurrentsMa sent_ma_{};
   bool connected_ = false;  ///< Brought up, and not shut down since.
   bool withhold_ = true;    ///< The last answer justifies no force.
+  bool withheld_ = false;   ///< The last send() was asked for one and gave none.
 
   ArmPose pose_;
   JointAngles angles_ = JointAngles::Zero();

@@ -14,7 +14,7 @@ struct ReplayModule {
 };
 
 /// Raise its version when DeviceConfig, Device, DeviceInfo, OpenContext or the table change.
-inline constexpr ModuleFile kReplayModule{"libdrivers_replay.so", "rtbus_replay_driver", 1,
+inline constexpr ModuleFile kReplayModule{"libdrivers_replay.so", "rtbus_replay_driver", 2,
                                           "build with RTBUS_WITH_HDF5=ON (Debian package libhdf5-dev)"};
 
 }  // namespace drivers::replay

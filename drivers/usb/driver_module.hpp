@@ -4,12 +4,16 @@
 /// of its drivers, or for `rtbus devices`, so that nothing else maps libusb. Like an engine's module it carries C++
 /// types and belongs to the build it was made with; it is never unloaded.
 #include <cstdint>
+#include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "drivers/module_loader.hpp"
 #include "drivers/registry.hpp"
+#include "drivers/usb/inspection.hpp"
 #include "drivers/virtual_usb/registry.hpp"
 
 namespace drivers::usb {
@@ -24,7 +28,31 @@ struct FoundDevice {
   std::string driver;         ///< The `driver:` that takes it; empty: none of ours.
   std::string kernel_driver;  ///< That has an interface now; empty: none.
   bool permitted = false;     ///< This user may open it.
-  std::string remedy;         ///< What to do, if anything.
+  std::string in_use_by;      ///< "haptic_node (pid 4711)"; empty: nobody whom this user may see.
+  bool asked = false;         ///< `says` is what it answered just now.
+  std::string not_asked;      ///< Why it was not asked.
+  Inspection says;
+  std::string remedy;  ///< What to do, if anything.
+
+  [[nodiscard]] std::string usb_id() const {  ///< "0403:cb48"
+    char text[16];
+    std::snprintf(text, sizeof text, "%04x:%04x", vendor_id, product_id);
+    return text;
+  }
+  /// `id` is its VID:PID, its serial number, both ("0403:cb48:VF000001"), or the name of its driver.
+  [[nodiscard]] bool is(std::string_view id) const {
+    std::string low(id.substr(0, 9));  // of the USB id: written either way
+    for (char& c : low) c = c >= 'A' && c <= 'F' ? static_cast<char>(c - 'A' + 'a') : c;
+    const bool same_id = low == usb_id();
+    return id == driver || (!serial.empty() && id == serial) || (same_id && id.size() == low.size()) ||
+           (same_id && id.size() > 10 && id[9] == ':' && id.substr(10) == serial);
+  }
+};
+
+struct ListRequest {
+  bool ask = false;                                  ///< Ask devices that nobody uses how they are.
+  std::string named;                                 ///< The ID that the user has named; empty: none. See FoundDevice.
+  std::vector<const DeviceConfig*> virtual_devices;  ///< Device files with `usb: {virtual: …}`, as if plugged in.
 };
 
 struct FoundDevices {
@@ -40,13 +68,17 @@ struct UsbDriver {
 };
 
 /// Raise it when DeviceConfig, Device, DeviceInfo, OpenContext or this table change.
-inline constexpr std::uint32_t kUsbAbiVersion = 1;
+inline constexpr std::uint32_t kUsbAbiVersion = 2;
 
 struct UsbModule {
   ModuleHead head;  ///< First, whatever else changes.
   const UsbDriver* drivers;
   std::size_t driver_count;
-  FoundDevices (*list)();
+  FoundDevices (*list)(const ListRequest& request);
+  /// Opens the device of a USB driver's file for being asked. The fault is a sentence for the user.
+  rtbus::Result<std::unique_ptr<Probe>, DeviceFault> (*probe)(const DeviceConfig& config);
+  /// Encoder counts at a position of the tip; none where the driver cannot say.
+  std::optional<Vec3> (*joint_counts)(const DeviceConfig& config, const Vec3& position_m);
   const virtual_usb::Kind* (*find_kind)(std::string_view name);
   std::vector<std::string> (*kind_names)();
 };

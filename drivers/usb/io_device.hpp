@@ -13,10 +13,11 @@
 /// With `clock: timer` nobody calls wait_sample(): the thread then paces itself at DeviceInfo::sample_rate_hz and each
 /// exchange carries the newest force. Decision 0006 says why it is cut like this.
 ///
-/// Force is zero when the loop has not written for DeviceInfo::force_timeout_s, when the device has not answered for as
-/// long, and while the device is not ready. A device that is lost, that reports a fault or that is not ready (not
-/// homed: its pose means nothing) gives kLost; the loop then renders zero and starts softly when it is back. A lost
-/// device is looked for again every 0.2…2 s and brought up anew.
+/// Force is zero when the loop has not written for DeviceInfo::force_timeout_s, when the device has not answered for
+/// nine tenths of that (so that the zero is there in time), and while the device is not ready. Each zero that was not
+/// asked for makes the loop's next write fail once, so that the force comes back by its ramp. A device that is lost,
+/// that reports a fault or that is not ready (not homed: its pose means nothing) gives kLost; the loop then renders
+/// zero and starts softly when it is back. A lost device is looked for again every 0.2…2 s and brought up anew.
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -44,8 +45,8 @@ struct IoSettings {
   /// Fetch a measurement first in each period, by sending the last force once more, then answer it: two exchanges per
   /// period. For devices that answer much faster than the period, whose measurement would otherwise be a period old.
   bool fetch_first = false;
-  /// The device holds its answers back to a pace of its own (a serial chip's latency timer): send as soon as the force is
-  /// there, else it waits for a clock that has nothing to do with the device's. At most two exchanges per period.
+  /// The device holds its answers back to a pace of its own (a serial chip's latency timer): send as soon as the force
+  /// is there, else it waits for a clock that has nothing to do with the device's. At most two exchanges per period.
   bool device_paces = false;
   double reply_timeout_s = 0.008;  ///< A command without answer for so long is lost; the next one is sent [s].
   double lost_after_s = 0.25;      ///< Silence after which the connection is given up and opened anew [s].
@@ -58,13 +59,7 @@ struct IoThread {
   int core = -1;      ///< The loop's; −1: chosen like the loop's.
 };
 
-enum class LinkState : std::uint8_t {
-  kStopped,
-  kOpening,   ///< Looking for the device, or bringing it up.
-  kNotReady,  ///< Exchanging, but not homed.
-  kRunning,
-  kLost,  ///< Gone; looked for again and again.
-};
+using rtbus::LinkState;
 
 /// Figures about the link since start(). A copy; any thread.
 struct LinkFigures {
@@ -74,6 +69,7 @@ struct LinkFigures {
   std::uint64_t late_forces = 0;  ///< Exchanges that did not wait longer for the loop and sent what there was.
   std::uint64_t timed_out = 0;    ///< Exchanges with zero force, since the loop had not written in time.
   std::uint64_t silences = 0;     ///< Exchanges without an answer.
+  std::uint64_t withheld = 0;     ///< Forces that the protocol or a silent device made zero.
 };
 
 class IoDevice final : public Device {
@@ -104,11 +100,11 @@ class IoDevice final : public Device {
   /// reply time-out, a bring-up at its next wait.
   void stop() noexcept override;
 
-  /// Ends a start() that another thread is in. Any thread.
-  void stop_bring_up() noexcept { stop_.raise(); }
+  void cancel_start() noexcept override { stop_.raise(); }
 
   /// Any thread.
   [[nodiscard]] LinkFigures figures() const noexcept;
+  [[nodiscard]] std::optional<rtbus::LinkStats> link_stats() const override;
   /// From the arrival of a sample to its force having been handed to the bus [ns]; `clock: device` only. Any thread.
   [[nodiscard]] const rtbus::Histogram& sample_to_wire() const noexcept { return sample_to_wire_ns_; }
   /// From one sample to the next [ns]. Any thread.
@@ -117,7 +113,8 @@ class IoDevice final : public Device {
  private:
   struct Force {
     Vec3 force_n{};
-    std::uint64_t time_ns = 0;  ///< When the loop wrote it; 0: never.
+    std::uint64_t time_ns = 0;   ///< When the loop wrote it; 0: never.
+    std::uint32_t withheld = 0;  ///< Of withheld_, as the loop had seen it then.
   };
   struct Sample {
     DeviceSample value;
@@ -126,6 +123,8 @@ class IoDevice final : public Device {
   enum class Ended : std::uint8_t { kStopping, kLost, kFault };
 
   void run() noexcept;
+  [[nodiscard]] std::string connect_once();  ///< Opens, brings up and exchanges until it ends; why.
+  void take_priority() noexcept;
   Ended exchange(Channel& channel) noexcept;
   [[nodiscard]] ExchangeStatus step(Channel& channel) noexcept;
   [[nodiscard]] UsbStatus send(Channel& channel) noexcept;
@@ -144,6 +143,7 @@ class IoDevice final : public Device {
   const ChannelOpener open_;
   const std::uint64_t period_ns_;
   const std::uint64_t force_timeout_ns_;
+  const std::uint64_t answer_timeout_ns_;  ///< Silence of the device after which forces are zero.
 
   // Between the two threads. The waits are a store, then a look at the other side's flag, all seq_cst: either the waker
   // sees the waiter, or the waiter sees the news before it sleeps (FUTEX_WAIT looks once more).
@@ -156,10 +156,14 @@ class IoDevice final : public Device {
   std::atomic<std::uint64_t> answered_{0};  ///< Number of the sample that the newest force answers.
   std::atomic<bool> io_waits_{false};
   std::atomic<std::uint64_t> last_wait_ns_{0};  ///< When the loop last asked to be paced.
+  /// Counts the zeros that the I/O thread sent instead of a force. A force that was written before the loop knew of the
+  /// newest one does not leave any more.
+  std::atomic<std::uint32_t> withheld_{0};
   alignas(64) std::atomic<LinkState> state_{LinkState::kStopped};
 
   // The loop's.
   Sample read_;
+  std::uint32_t withheld_seen_ = 0;
   std::atomic<std::uint64_t> clamped_{0};
 
   // The I/O thread's.
@@ -172,6 +176,9 @@ class IoDevice final : public Device {
   std::uint64_t last_published_ns_ = 0;
   std::uint64_t awaited_ns_ = 0;  ///< Arrival of the sample that the next force answers; 0: none.
   bool link_silent_ = false;
+  bool pushing_ = false;           ///< The last command that left was a force.
+  bool realtime_ = false;          ///< SCHED_FIFO is asked for: from the first sample of a ready device on.
+  std::uint64_t back_off_ns_ = 0;  ///< Until the device is looked for again.
 
   // Published.
   std::atomic<std::uint64_t> losses_{0}, late_forces_{0}, timed_out_{0}, silences_{0};

@@ -3,6 +3,7 @@
 #include <libusb.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -55,6 +56,20 @@ std::string kernel_driver(const std::string& folder) {
   return "";
 }
 
+/// "/dev/ttyACM0" of a serial device whose kernel driver made one.
+std::vector<std::string> terminals(const std::string& folder) {
+  std::vector<std::string> out;
+  std::error_code failed;
+  const std::string name = std::filesystem::path(folder).filename();
+  for (const auto& interface : std::filesystem::directory_iterator(folder, failed)) {
+    if (!interface.path().filename().string().starts_with(name + ":")) continue;
+    for (const auto& entry : std::filesystem::directory_iterator(interface.path() / "tty", failed)) {
+      out.push_back("/dev/" + entry.path().filename().string());
+    }
+  }
+  return out;
+}
+
 UsbListing describe(libusb_device* device, const libusb_device_descriptor& descriptor) {
   UsbListing out;
   out.vendor_id = descriptor.idVendor;
@@ -69,6 +84,8 @@ UsbListing describe(libusb_device* device, const libusb_device_descriptor& descr
   out.serial = first_line(folder + "/serial");
   out.product = first_line(folder + "/product");
   out.kernel_driver = kernel_driver(folder);
+  out.files = terminals(folder);
+  out.files.emplace_back(node);
   if (out.readable && (out.serial.empty() || out.product.empty())) {
     libusb_device_handle* raw = nullptr;
     if (libusb_open(device, &raw) == 0) {
@@ -96,6 +113,23 @@ struct DeviceList {
 
 void ContextDeleter::operator()(libusb_context* context) const noexcept { libusb_exit(context); }
 void HandleDeleter::operator()(libusb_device_handle* handle) const noexcept { libusb_close(handle); }
+
+std::vector<std::string> users_of(const std::vector<std::string>& files) {
+  std::vector<std::string> out;
+  std::error_code failed;
+  for (const auto& process : std::filesystem::directory_iterator("/proc", failed)) {
+    const std::string pid = process.path().filename();
+    if (pid.find_first_not_of("0123456789") != std::string::npos || pid == std::to_string(::getpid())) continue;
+    // Of another user's process one sees nothing; claiming the interface then tells.
+    for (const auto& fd : std::filesystem::directory_iterator(process.path() / "fd", failed)) {
+      const std::string target = std::filesystem::read_symlink(fd.path(), failed);
+      if (std::find(files.begin(), files.end(), target) == files.end()) continue;
+      out.push_back(first_line(process.path() / "comm") + " (pid " + pid + ")");
+      break;
+    }
+  }
+  return out;
+}
 
 std::string explain(int error, const std::string& what) {
   switch (error) {

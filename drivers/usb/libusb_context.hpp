@@ -53,9 +53,15 @@ struct UsbListing {
   std::string kernel_driver;  ///< Of the first interface that has one; empty: none.
   bool readable = true;       ///< Its node may be opened for reading and writing.
   std::string node;           ///< "/dev/bus/usb/001/002"
+  std::vector<std::string>
+      files;  ///< Through which a program may be using it: the node, and terminals of a serial one.
 };
 
 [[nodiscard]] std::vector<UsbListing> list_devices(libusb_context* context);
+
+/// Programs that have one of these files open, "haptic_node (pid 4711)", as far as this user may see; never this
+/// process.
+[[nodiscard]] std::vector<std::string> users_of(const std::vector<std::string>& files);
 
 /// The sentence for a libusb error code at `what`: "claiming interface 0: another program has it: …".
 [[nodiscard]] std::string explain(int libusb_error, const std::string& what);

@@ -63,26 +63,29 @@ OpenOptions parse_open_options(rtbus::config::Map& file, std::string_view virtua
   return out;
 }
 
-UsbDeviceConfig::UsbDeviceConfig(IoSettings settings, DeviceMatch match, OpenOptions options, ProtocolFactory protocol)
+UsbDeviceConfig::UsbDeviceConfig(IoSettings settings, DeviceMatch match, OpenOptions options, ProtocolFactory protocol,
+                                 UsbTooling tooling)
     : settings_(std::move(settings)),
       match_(std::move(match)),
       options_(std::move(options)),
-      protocol_(std::move(protocol)) {
+      protocol_(std::move(protocol)),
+      tooling_(std::move(tooling)) {
   match_.serial = options_.serial;
   settings_.info.serial = options_.serial;
 }
 
 std::string UsbDeviceConfig::preload() const { return options_.virtual_device ? virtual_usb::kUsbfsShimLibrary : ""; }
 
+OpenResult UsbDeviceConfig::opener() const {
+  if (options_.virtual_device) return virtual_opener(*options_.virtual_device, match_);
+  return ChannelOpener([match = match_](StopFlag& stop) { return LibusbChannel::open(match, stop); });
+}
+
 rtbus::Result<std::unique_ptr<Device>, DeviceFault> UsbDeviceConfig::open(const OpenContext& context) const {
-  ChannelOpener opener = [match = match_](StopFlag& stop) { return LibusbChannel::open(match, stop); };
-  if (options_.virtual_device) {
-    auto made = virtual_opener(*options_.virtual_device, match_);
-    if (!made) return Failure{made.error()};
-    opener = std::move(*made);
-  }
+  auto opener = this->opener();
+  if (!opener) return Failure{opener.error()};
   const IoThread place{.priority = context.loop_priority + 1, .core = context.loop_core};
-  return std::unique_ptr<Device>(std::make_unique<IoDevice>(settings_, place, protocol_, std::move(opener)));
+  return std::unique_ptr<Device>(std::make_unique<IoDevice>(settings_, place, protocol_, std::move(*opener)));
 }
 
 }  // namespace drivers::usb

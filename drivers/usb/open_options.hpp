@@ -21,6 +21,7 @@
 #include <string_view>
 
 #include "drivers/registry.hpp"
+#include "drivers/usb/inspection.hpp"
 #include "drivers/usb/io_device.hpp"
 #include "drivers/virtual_usb/registry.hpp"
 #include "rtbus/config/document.hpp"
@@ -36,10 +37,18 @@ struct OpenOptions {
 /// Throws rtbus::config::Error.
 [[nodiscard]] OpenOptions parse_open_options(rtbus::config::Map& file, std::string_view virtual_kind);
 
+/// What tools may ask of a driver besides driving its device; each may be empty.
+struct UsbTooling {
+  Inspector inspect;
+  /// Encoder counts [count] that belong to a position of the tip [m, frame D]; none where the linkage cannot be.
+  std::function<std::optional<Vec3>(const Vec3& position_m)> joint_counts;
+};
+
 /// A checked device file of a USB driver.
 class UsbDeviceConfig final : public DeviceConfig {
  public:
-  UsbDeviceConfig(IoSettings settings, DeviceMatch match, OpenOptions options, ProtocolFactory protocol);
+  UsbDeviceConfig(IoSettings settings, DeviceMatch match, OpenOptions options, ProtocolFactory protocol,
+                  UsbTooling tooling = {});
 
   [[nodiscard]] const DeviceInfo& info() const noexcept override { return settings_.info; }
   [[nodiscard]] bool uses_usb() const noexcept override { return true; }
@@ -47,11 +56,21 @@ class UsbDeviceConfig final : public DeviceConfig {
   /// Makes the IoDevice; nothing is asked of the bus before its start().
   [[nodiscard]] rtbus::Result<std::unique_ptr<Device>, DeviceFault> open(const OpenContext& context) const override;
 
+  [[nodiscard]] const DeviceMatch& match() const noexcept { return match_; }
+  [[nodiscard]] const UsbTooling& tooling() const noexcept { return tooling_; }
+  /// A fresh virtual device of this file; null: it is about a real one.
+  [[nodiscard]] virtual_usb::VirtualDevice make_virtual() const {
+    return options_.virtual_device ? (*options_.virtual_device)() : virtual_usb::VirtualDevice{};
+  }
+  /// How the device is reached. For a virtual one: a fresh device, which lives as long as the opener.
+  [[nodiscard]] rtbus::Result<ChannelOpener, DeviceFault> opener() const;
+
  private:
   IoSettings settings_;
   DeviceMatch match_;
   OpenOptions options_;
   ProtocolFactory protocol_;
+  UsbTooling tooling_;
 };
 
 }  // namespace drivers::usb

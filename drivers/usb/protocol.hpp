@@ -48,6 +48,10 @@ class Protocol {
   [[nodiscard]] virtual UsbStatus send(Channel& channel, const Vec3& force_n, double dt_s,
                                        std::uint64_t deadline_ns) noexcept = 0;
 
+  /// The last send() made a force zero that it was asked for: the device's last answer justifies none, or its motors
+  /// bear none. It must not come back at once; the loop then begins a new ramp.
+  [[nodiscard]] virtual bool withheld() const noexcept { return false; }
+
   /// Told before each send: the loop renders and the device answers. Otherwise whatever the driver adds by itself (the
   /// weight of a grip) has to fade within 0.1 s, for nobody looks after it.
   virtual void set_live(bool live) noexcept { (void)live; }

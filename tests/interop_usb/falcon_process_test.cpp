@@ -11,7 +11,9 @@
 #include <optional>
 #include <sstream>
 #include <string>
+#include <vector>
 
+#include "rtbus/link_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/topic.hpp"
 #include "tests/support/process.hpp"
@@ -29,14 +31,21 @@ constexpr double kWall = 400.0;  // of config/wall_virtual_falcon.yaml
 
 class FalconNode : public testing::Test {
  protected:
-  void SetUp() override {
+  void start(const std::vector<std::string>& assignments = {}) {
     bus_.name = "falconnode" + std::to_string(getpid());
     log_ = "/tmp/rtbus_" + bus_.name + ".log";
     const std::string library = binary("libvirtual_usb.so");
-    node_.emplace(std::vector<std::string>{"/usr/bin/env", "LD_PRELOAD=" + library, binary("haptic_node"), "--config",
-                                           std::string(RTBUS_SOURCE_DIR) + "/config/wall_virtual_falcon.yaml", "--set",
-                                           "session=" + bus_.name},
-                  log_);
+    // A sanitizer's run-time has to stay the first library.
+    const char* const before = std::getenv("LD_PRELOAD");
+    std::vector<std::string> command{"/usr/bin/env",
+                                     "LD_PRELOAD=" + (before == nullptr ? "" : std::string(before) + ":") + library,
+                                     binary("haptic_node"),
+                                     "--config",
+                                     std::string(RTBUS_SOURCE_DIR) + "/config/wall_virtual_falcon.yaml",
+                                     "--set",
+                                     "session=" + bus_.name};
+    for (const std::string& each : assignments) command.insert(command.end(), {"--set", each});
+    node_.emplace(command, log_);
     eventually(10.0, [&] {
       auto opened = Reader<Telemetry>::open(bus_, "haptic0.telemetry", {.presence = true});
       if (opened) ticks_.emplace(std::move(*opened));
@@ -63,6 +72,7 @@ class FalconNode : public testing::Test {
 };
 
 TEST_F(FalconNode, HoldsTheWallAndEndsCleanly) {
+  start();
   ASSERT_TRUE(ticks_) << log();
   Stamped<Telemetry> tick;
   // Pushed 5 mm beyond the surface by a hand of 700 N/m: at rest some 3 mm inside, less what dry friction holds.
@@ -95,11 +105,32 @@ TEST_F(FalconNode, HoldsTheWallAndEndsCleanly) {
       << log();
   EXPECT_LE(worst, 0.02);
   EXPECT_NEAR(high_m, 0.005 * 700.0 / 1100.0, 0.15 / 1100.0 + 150e-6);
+  // How the link does is on the bus, for monitors and recordings.
+  auto link = Reader<rtbus::LinkStats>::open(bus_, "haptic0.link_stats");
+  ASSERT_TRUE(link);
+  Stamped<rtbus::LinkStats> news;
+  EXPECT_TRUE(eventually(5.0, [&] {
+    return link->read_latest(news) == ReadStatus::kFresh && news.value.exchanges > 1000 &&
+           news.value.state == static_cast<std::uint32_t>(rtbus::LinkState::kRunning);
+  }));
+  EXPECT_EQ(news.value.bad_frames, 0u);
+  EXPECT_GT(news.value.sample_to_wire_p50_us, 0.0);
   EXPECT_NE(log().find("home the Falcon"), std::string::npos);
   EXPECT_NE(log().find("the device is ready"), std::string::npos);
   const int status = node_->end(SIGTERM);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status << "\n" << log();
   EXPECT_NE(log().find("ended at zero force"), std::string::npos) << log();
+}
+
+// A device that never answers keeps start() busy for four seconds; Ctrl-C does not wait for the verdict.
+TEST_F(FalconNode, EndsWhileTheDeviceIsBroughtUp) {
+  start({"haptic.0.device.usb.virtual.faults.mute=true"});
+  ASSERT_TRUE(ticks_) << log();  // topics come before the device
+  const int status = node_->end(SIGTERM);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status << "\n" << log();
+  EXPECT_NE(log().find("ended before the device was ready"), std::string::npos) << log();
+  EXPECT_EQ(log().find("wall power"), std::string::npos) << "it waited for the verdict\n" << log();
+  EXPECT_EQ(tests::segments_of(bus_.name), std::vector<std::string>{});
 }
 
 }  // namespace

@@ -50,6 +50,7 @@ class EchoDevice final : public drivers::virtual_usb::UsbDevice {
     ++commands;
     last_command.assign(bytes.begin(), bytes.end());
     last_command_ns = now_ns;
+    if (history.size() < 100'000) history.push_back({now_ns, last_command});
     if (!mute && lose_next-- <= 0) replies_.push_back({now_ns + delay_ns, {bytes.begin(), bytes.end()}});
     lose_next = std::max(lose_next, 0);
     return {};
@@ -63,6 +64,7 @@ class EchoDevice final : public drivers::virtual_usb::UsbDevice {
     if (replies_.empty()) return {Reply::kNak, {}, 0};
     if (replies_.front().due_ns > now_ns) return {Reply::kNak, {}, replies_.front().due_ns};
     PacketReply out{Reply::kAck, std::move(replies_.front().bytes), 0};
+    last_answer_ns = now_ns;
     replies_.pop_front();
     return out;
   }
@@ -82,6 +84,12 @@ class EchoDevice final : public drivers::virtual_usb::UsbDevice {
   int commands = 0, controls = 0, resets = 0;
   std::vector<std::uint8_t> last_command;
   std::uint64_t last_command_ns = 0;
+  std::uint64_t last_answer_ns = 0;
+  struct Command {
+    std::uint64_t time_ns;
+    std::vector<std::uint8_t> bytes;
+  };
+  std::vector<Command> history;  ///< The first hundred thousand commands.
 
  private:
   struct Pending {

@@ -7,7 +7,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "tests/unit/falcon/virtual_bench.hpp"
@@ -366,39 +368,109 @@ TEST_F(FalconFaults, UnpluggingIsReportedAtOnceAndTheArmGoesLimp) {
   EXPECT_EQ(bench.device.arm().mechanics().applied_force_n().norm(), 0.0);
 }
 
-TEST_F(FalconFaults, AnEncoderValueThatNoGripCanHaveIsABadFrame) {
-  class Wrong final : public usb::Channel {
-   public:
-    explicit Wrong(virtual_usb::VirtualChannel& channel) : channel_(channel) {}
-    std::uint64_t now_ns() const noexcept override { return channel_.now_ns(); }
-    usb::UsbStatus sleep_until(std::uint64_t t) noexcept override { return channel_.sleep_until(t); }
-    usb::UsbStatus control_out(const usb::Setup& s, std::span<const std::uint8_t> d,
-                               std::uint64_t t) noexcept override {
-      return channel_.control_out(s, d, t);
-    }
-    usb::UsbStatus control_in(const usb::Setup& s, std::span<std::uint8_t> d, std::size_t& got,
-                              std::uint64_t t) noexcept override {
-      return channel_.control_in(s, d, got, t);
-    }
-    usb::UsbStatus write(std::span<const std::uint8_t> bytes, std::uint64_t t) noexcept override {
-      return channel_.write(bytes, t);
-    }
-    usb::UsbStatus read(std::span<std::uint8_t> out, std::size_t& got, std::uint64_t t) noexcept override {
-      const auto status = channel_.read(out, got, t);
-      if (wrong && status == usb::UsbStatus::kOk && got == 18) out[2 + 4] = 'H';  // encoder 1 above 28671
-      return status;
-    }
-    std::size_t read_size() const noexcept override { return channel_.read_size(); }
-    bool wrong = false;
+// A line that changes the bytes of an answer.
+class WrongLine final : public usb::Channel {
+ public:
+  explicit WrongLine(virtual_usb::VirtualChannel& channel) : channel_(channel) {}
+  std::uint64_t now_ns() const noexcept override { return channel_.now_ns(); }
+  usb::UsbStatus sleep_until(std::uint64_t t) noexcept override { return channel_.sleep_until(t); }
+  usb::UsbStatus control_out(const usb::Setup& s, std::span<const std::uint8_t> d, std::uint64_t t) noexcept override {
+    return channel_.control_out(s, d, t);
+  }
+  usb::UsbStatus control_in(const usb::Setup& s, std::span<std::uint8_t> d, std::size_t& got,
+                            std::uint64_t t) noexcept override {
+    return channel_.control_in(s, d, got, t);
+  }
+  usb::UsbStatus write(std::span<const std::uint8_t> bytes, std::uint64_t t) noexcept override {
+    return channel_.write(bytes, t);
+  }
+  usb::UsbStatus read(std::span<std::uint8_t> out, std::size_t& got, std::uint64_t t) noexcept override {
+    const auto status = channel_.read(out, got, t);
+    // Two status bytes and a frame.
+    if (change && status == usb::UsbStatus::kOk && got == 2 + kFrameBytes) change(out.subspan(2, kFrameBytes));
+    return status;
+  }
+  std::size_t read_size() const noexcept override { return channel_.read_size(); }
+  std::function<void(std::span<std::uint8_t>)> change;
 
-   private:
-    virtual_usb::VirtualChannel& channel_;
+ private:
+  virtual_usb::VirtualChannel& channel_;
+};
+
+// One exchange through the wrong line.
+usb::ExchangeStatus exchange_over(WrongLine& line, FalconBench& bench, const Vec3& force_n) {
+  const auto until_ns = line.now_ns() + 8'000'000;
+  EXPECT_EQ(bench.protocol->send(line, force_n, 0.001, until_ns), usb::UsbStatus::kOk);
+  return bench.protocol->receive(line, bench.sample, until_ns);
+}
+
+// As a Falcon that has lost its homing answers: no axis homed, all counts 0.
+void forget_homing(std::span<std::uint8_t> frame) {
+  for (std::size_t i = 1; i < 13; ++i) frame[i] = 'A';
+  frame[13] = 'A';
+}
+
+TEST_F(FalconFaults, OneAnswerWithoutTheHomedBitsIsNotBelieved) {
+  FalconBench bench(held({0.01, 0.005, 0.0}), without_weight());
+  ASSERT_EQ(bench.bring_up(), "");
+  ASSERT_TRUE(bench.run(0.1, [](const DeviceSample&) { return Vec3{0, 1, 0}; }));
+  WrongLine line(bench.channel);
+  for (int i = 0; i < 20; ++i) {
+    const DeviceSample before = bench.sample;
+    line.change = &forget_homing;
+    EXPECT_EQ(exchange_over(line, bench, {0, 1, 0}), usb::ExchangeStatus::kNothing);
+    EXPECT_EQ(bench.sample.position_m, before.position_m) << "no pose of a frame that is not believed";
+    EXPECT_EQ(bench.protocol->readiness(), usb::Readiness::kReady);
+    line.change = {};
+    EXPECT_EQ(exchange_over(line, bench, {0, 1, 0}), usb::ExchangeStatus::kSample);
+    EXPECT_NEAR(bench.sample.position_m[0], before.position_m[0], 1e-4);
+    EXPECT_NE(bench.device.board().commands(), (std::array<std::int16_t, 3>{0, 0, 0}));
+  }
+  EXPECT_EQ(bench.protocol->counters().bad_frames, 20U);
+}
+
+TEST_F(FalconFaults, TwoAnswersWithoutTheHomedBitsCutTheForce) {
+  FalconBench bench(held({0.01, 0.005, 0.0}), without_weight());
+  ASSERT_EQ(bench.bring_up(), "");
+  ASSERT_TRUE(bench.run(0.1, [](const DeviceSample&) { return Vec3{0, 1, 0}; }));
+  WrongLine line(bench.channel);
+  line.change = &forget_homing;
+  EXPECT_EQ(exchange_over(line, bench, {0, 1, 0}), usb::ExchangeStatus::kNothing);
+  EXPECT_EQ(exchange_over(line, bench, {0, 1, 0}), usb::ExchangeStatus::kSample);
+  EXPECT_EQ(bench.protocol->readiness(), usb::Readiness::kNotHomed);
+  (void)exchange_over(line, bench, {0, 1, 0});
+  EXPECT_EQ(bench.device.board().commands(), (std::array<std::int16_t, 3>{0, 0, 0}));
+  EXPECT_TRUE(bench.protocol->withheld());
+  // One axis is enough.
+  FalconBench axis(held({0.01, 0.005, 0.0}), without_weight());
+  ASSERT_EQ(axis.bring_up(), "");
+  ASSERT_TRUE(axis.run(0.1));
+  WrongLine worse(axis.channel);
+  worse.change = [](std::span<std::uint8_t> frame) {
+    frame[13] = static_cast<std::uint8_t>('A' + ((frame[13] - 'A') & ~0x10));
   };
+  for (int i = 0; i < 2; ++i) (void)exchange_over(worse, axis, {});
+  EXPECT_EQ(axis.protocol->readiness(), usb::Readiness::kNotHomed);
+}
+
+TEST_F(FalconFaults, AForceThatIsLoweredIsNotWithheld) {
+  FalconBench bench(held({0, 0, 0}), without_weight());
+  ASSERT_EQ(bench.bring_up(), "");
+  ASSERT_TRUE(bench.run(0.05));
+  ASSERT_EQ(bench.exchange({0, 1, 0}), usb::ExchangeStatus::kSample);
+  EXPECT_FALSE(bench.protocol->withheld());
+  ASSERT_EQ(bench.exchange({0, 100, 0}), usb::ExchangeStatus::kSample);
+  EXPECT_FALSE(bench.protocol->withheld()) << "lowered is not withheld";
+  ASSERT_EQ(bench.exchange({}), usb::ExchangeStatus::kSample);
+  EXPECT_FALSE(bench.protocol->withheld());
+}
+
+TEST_F(FalconFaults, AnEncoderValueThatNoGripCanHaveIsABadFrame) {
   FalconBench bench(held({0, 0, 0}));
   ASSERT_EQ(bench.bring_up(), "");
   ASSERT_TRUE(bench.run(0.05));
-  Wrong channel(bench.channel);
-  channel.wrong = true;
+  WrongLine channel(bench.channel);
+  channel.change = [](std::span<std::uint8_t> frame) { frame[4] = 'H'; };  // encoder 1 above 28671
   const DeviceSample before = bench.sample;
   const auto until_ns = channel.now_ns() + 8'000'000;
   ASSERT_EQ(bench.protocol->send(channel, {0, 1, 0}, 0.001, until_ns), usb::UsbStatus::kOk);

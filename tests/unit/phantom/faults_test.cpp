@@ -205,6 +205,8 @@ TEST(PhantomFault, ReplugWithoutPowerNeedsTheButton) {
   }
   EXPECT_EQ(rig.protocol->readiness(), usb::Readiness::kNotHomed);
   EXPECT_THAT(rig.protocol->remedy(), ::testing::HasSubstr("without power"));
+  // A button that is pressed elsewhere makes a wrong zero: the sentence says where the arm has to be.
+  EXPECT_THAT(rig.protocol->remedy(), ::testing::HasSubstr("the upper arm horizontal and the forearm straight down"));
   // Brought home and the button pressed.
   ASSERT_TRUE(rig.device.arm().place({0.0, -0.015, 0.0}));
   rig.run(10);

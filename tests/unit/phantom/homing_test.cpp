@@ -48,9 +48,18 @@ TEST_F(HomingTest, AtStartWaitsForAnArmThatIsElsewhereAndSaysSo) {
   Homing homing = make(HomingMode::kAtStart);
   homing.begin(now_ns_, {2000, 0, 0});
   EXPECT_EQ(stay(homing, {2000, 0, 0}, 1000), Verdict::kNotHomed);
-  EXPECT_THAT(homing.remedy(), ::testing::HasSubstr("bring the arm into its home pose"));
+  EXPECT_THAT(homing.remedy(), ::testing::HasSubstr("bring the arm home, with the upper arm horizontal"));
   go(homing, {2000, 0, 0}, {0, 0, 0});
   EXPECT_EQ(stay(homing, {0, 0, 0}, 310), Verdict::kHomed);
+}
+
+TEST_F(HomingTest, EveryWordAboutTheButtonSaysWhereTheArmHasToBe) {
+  for (const Model& each : models()) {
+    const Homing homing(Kinematics(each), HomingMode::kButton, 0.05);
+    EXPECT_THAT(homing.remedy(), ::testing::HasSubstr("at home, " + std::string(each.home)));
+    EXPECT_THAT(homing.remedy(), ::testing::HasSubstr("in any other pose"));
+    EXPECT_FALSE(each.home.empty());
+  }
 }
 
 TEST_F(HomingTest, PassingThroughHomeIsNotHoldingThere) {

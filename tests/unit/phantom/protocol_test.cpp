@@ -182,6 +182,48 @@ TEST_F(PhantomProtocolTest, ErrorBitsOfTheCommandMeanZeroNextAndNoSample) {
   }
 }
 
+// Whoever asked must know that nothing came of it: else the force would be back at once, without its ramp.
+TEST_F(PhantomProtocolTest, TellsEachForceThatItWithholds) {
+  bool error = false;
+  device_ = [&](const std::string&) { return error ? "[2,0,0,0,0,0,0,8]\n" : kHome; };
+  ASSERT_EQ(bring_up(), "");
+  ASSERT_EQ(exchange(), ExchangeStatus::kSample);
+  (void)exchange();
+  EXPECT_FALSE(protocol_->withheld());
+  EXPECT_NE(channel_.commands.back(), "[0,0,0]");
+  error = true;
+  (void)exchange();
+  error = false;
+  (void)exchange();  // the answer before was an error
+  EXPECT_EQ(channel_.commands.back(), "[0,0,0]");
+  EXPECT_TRUE(protocol_->withheld());
+  (void)exchange();
+  EXPECT_FALSE(protocol_->withheld());
+  // Nobody asked: nothing is withheld.
+  error = true;
+  (void)exchange({0.0, 0.0, 0.0});
+  (void)exchange({0.0, 0.0, 0.0});
+  EXPECT_FALSE(protocol_->withheld());
+  // Silence.
+  error = false;
+  (void)exchange();
+  (void)exchange();
+  ASSERT_FALSE(protocol_->withheld());
+  device_ = [](const std::string&) { return ""; };
+  (void)exchange();  // its answer never comes
+  (void)exchange();
+  EXPECT_EQ(channel_.commands.back(), "[0,0,0]");
+  EXPECT_TRUE(protocol_->withheld());
+}
+
+TEST_F(PhantomProtocolTest, NotHomedWithholds) {
+  use(ModelId::kVintage, HomingMode::kAtStart);
+  device_ = [](const std::string&) { return "[2,1500,300,0,0,0,0,0]\n"; };
+  ASSERT_EQ(bring_up(), "");
+  (void)exchange();
+  EXPECT_TRUE(protocol_->withheld());
+}
+
 TEST_F(PhantomProtocolTest, GimbalErrorsKeepTheOrientationAndThePosition) {
   device_ = [](const std::string&) { return "[2,0,0,0,100,200,300,0]\n"; };
   ASSERT_EQ(bring_up(), "");
@@ -224,7 +266,7 @@ TEST_F(PhantomProtocolTest, NoForceBeforeItIsHomed) {
     ASSERT_EQ(channel_.commands.back(), "[0,0,0]");
   }
   EXPECT_EQ(protocol_->readiness(), usb::Readiness::kNotHomed);
-  EXPECT_THAT(protocol_->remedy(), HasSubstr("home pose"));
+  EXPECT_THAT(protocol_->remedy(), HasSubstr("at home, with "));
 }
 
 TEST_F(PhantomProtocolTest, CalibrationNeededFirmwareIsNoticedAndWaitedFor) {

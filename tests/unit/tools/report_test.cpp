@@ -141,6 +141,23 @@ TEST(Report, SaysWhyThereIsNoForceError) {
   EXPECT_TRUE(json["haptic"][0]["proxy_age_ms"]["p50"].is_null());
 }
 
+TEST(Report, CarriesTheLinkOfAUsbDevice) {
+  RunReport report = make_report();
+  EXPECT_TRUE(to_json(report)["haptic"][0]["link"].is_null());
+  EXPECT_THAT(to_text(report), testing::Not(HasSubstr("USB link")));
+  auto& link = report.haptic[0].link.emplace();
+  link.exchanges = 60'024;
+  link.silences = 3;
+  link.withheld = 2;
+  link.sample_to_wire_p99_us = 29.0;
+  const auto json = to_json(report)["haptic"][0]["link"];
+  EXPECT_EQ(json["exchanges"], 60'024);
+  EXPECT_EQ(json["silences"], 3);
+  EXPECT_EQ(json["withheld"], 2);
+  EXPECT_EQ(json["sample_to_wire_us"]["p99"], 29.0);
+  EXPECT_THAT(to_text(report), HasSubstr("60024 exchanges, 3 without answer"));
+}
+
 TEST(Report, WritesNullForWhatIsNotThere) {
   RunReport report = make_report();
   report.bare_loop.reset();

@@ -313,6 +313,22 @@ TEST(ForceBetween, IsZeroAndNotNanWhenTheForceHasCeased) {
   EXPECT_LT(tools::force_between(before, now).value(), 1e-5);
 }
 
+TEST(TopLink, ShowsTheLinkOfAUsbDeviceAndOnlyOfOne) {
+  auto of = snapshot();
+  EXPECT_FALSE(tools::top_json(of)["haptic"][0].contains("link"));
+  EXPECT_THAT(screen(of, 120, 40), Not(HasSubstr("USB link")));
+  auto& link = of.haptic[0].link.emplace();
+  link.state = static_cast<std::uint32_t>(rtbus::LinkState::kNotReady);
+  link.exchanges = 60'024;
+  link.silences = 3;
+  link.sample_to_wire_p99_us = 29.0;
+  const auto json = tools::top_json(of)["haptic"][0]["link"];
+  EXPECT_EQ(json["state"], "not homed");
+  EXPECT_EQ(json["exchanges"], 60'024);
+  EXPECT_EQ(json["sample_to_wire_us"]["p99"], 29.0);
+  EXPECT_THAT(screen(of, 120, 40), HasSubstr("USB link  not homed  exchanges 60024  unanswered 3"));
+}
+
 TEST(TopJson, CarriesTheFiguresUnderTheNamesOfTheReport) {
   auto of = snapshot();
   of.haptic[0].recent->cut = tools::CutView{haptic::kOverspeed, 3.25, 0.1, false};

@@ -4,10 +4,14 @@
 #include <gtest/gtest.h>
 #include <umockdev.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <utility>
 
+#include "drivers/usb/driver_module.hpp"
 #include "drivers/usb/libusb_context.hpp"
 #include "tests/support/echo_device.hpp"
 
@@ -29,11 +33,17 @@ class Bus : public testing::Test {
     if (bed_ != nullptr) g_object_unref(bed_);
   }
 
-  /// Plugs an echo device into port `port` of bus 1.
-  void plug(int port, const std::string& serial) {
+  /// Plugs an echo device into port `port` of bus 1; with other ids for another kind of device.
+  void plug(int port, const std::string& serial, std::uint16_t vendor = tests::EchoDevice::kVendor,
+            std::uint16_t product = tests::EchoDevice::kProduct) {
     const tests::EchoDevice device;
+    auto first = device.descriptors().device;
+    for (const int i : {0, 1}) {
+      first[static_cast<std::size_t>(8 + i)] = static_cast<std::uint8_t>(vendor >> 8 * i);
+      first[static_cast<std::size_t>(10 + i)] = static_cast<std::uint8_t>(product >> 8 * i);
+    }
     std::string hex;
-    for (const auto* part : {&device.descriptors().device, &device.descriptors().configuration}) {
+    for (const auto* part : {&std::as_const(first), &device.descriptors().configuration}) {
       for (const unsigned byte : *part) {
         char text[3];
         std::snprintf(text, sizeof text, "%02X", byte);
@@ -89,6 +99,46 @@ TEST_F(Bus, ListsTheSerialsWhenThereAreSeveral) {
   EXPECT_THAT(several, HasSubstr("serial:"));
   const std::string other = problem_of("C3");
   EXPECT_THAT(other, HasSubstr("no USB device 1209:0001 with serial C3 is plugged in; there is: "));
+}
+
+// What `rtbus devices` does with a bus: a board that shares its ids with many others is not written to unless its user
+// has named it. (Nothing answers here: being asked fails, but it was tried.)
+TEST_F(Bus, ATeensyIsAskedOnlyWhenItWasNamed) {
+  ASSERT_NO_FATAL_FAILURE(plug(1, "T1", 0x16c0, 0x0483));
+  ASSERT_NO_FATAL_FAILURE(plug(2, "E2"));
+  const auto module = load_usb_module();
+  ASSERT_TRUE(module) << module.error();
+  ListRequest request;
+  request.ask = true;
+  FoundDevices found = (*module)->list(request);
+  ASSERT_EQ(found.devices.size(), 2u) << found.problem;
+  const auto by_serial = [&](const std::string& serial) {
+    return *std::find_if(found.devices.begin(), found.devices.end(), [&](const auto& d) { return d.serial == serial; });
+  };
+  EXPECT_EQ(by_serial("T1").driver, "phantom");
+  EXPECT_FALSE(by_serial("T1").asked);
+  EXPECT_EQ(by_serial("T1").not_asked, "many kinds of device have these USB ids");
+  EXPECT_THAT(by_serial("T1").remedy, HasSubstr("`rtbus devices 16c0:0483:T1` asks it"));
+  EXPECT_EQ(by_serial("E2").driver, "") << "none of ours: not asked either";
+  EXPECT_FALSE(by_serial("E2").asked);
+  request.named = "16C0:0483:T1";
+  found = (*module)->list(request);
+  EXPECT_FALSE(by_serial("T1").asked);
+  EXPECT_THAT(by_serial("T1").not_asked, testing::Not(HasSubstr("many kinds"))) << "it was tried";
+}
+
+TEST(FoundDevices, AreCalledByIdSerialBothOrDriver) {
+  FoundDevice device;
+  device.vendor_id = 0x0403;
+  device.product_id = 0xcb48;
+  device.serial = "VF000001";
+  device.driver = "falcon";
+  for (const char* const name : {"0403:cb48", "0403:CB48", "VF000001", "falcon", "0403:cb48:VF000001"}) {
+    EXPECT_TRUE(device.is(name)) << name;
+  }
+  for (const char* const name : {"", "0403", "0403:cb49", "0403:cb48:", "0403:cb48:VF000002", "VF00000", "phantom"}) {
+    EXPECT_FALSE(device.is(name)) << name;
+  }
 }
 
 TEST(Explain, PermissionNamesTheRulesAndHowToInstallThem) {

@@ -93,7 +93,8 @@ TEST_F(IoDeviceTest, TheForceOfASampleLeavesInTheSameExchange) {
   // Each exception is a force that came too late, and counted.
   EXPECT_GE(next + 2 * static_cast<int>(figures.late_forces) + static_cast<int>(figures.timed_out) + 2, answered);
   EXPECT_GT(device_->sample_to_wire().count(), 0u);
-  EXPECT_EQ(figures.protocol.bad_frames, 0u);
+  // An answer that a starved thread took too late counts as no answer, and as a bad frame when it comes.
+  EXPECT_LE(figures.protocol.bad_frames, figures.silences);
 }
 
 TEST_F(IoDeviceTest, WithoutALoopToPaceItKeepsItsRateAndSendsTheNewestForce) {
@@ -116,6 +117,103 @@ TEST_F(IoDeviceTest, ZeroWhenTheLoopStopsWriting) {
   }));
   EXPECT_TRUE(eventually(5.0, [&] { return force()[0] == 0.0; }));
   EXPECT_GT(device_->figures().timed_out, 0u);
+}
+
+// A device that falls silent with a force on: the zero is there 20 ms after its last answer, not three time-outs of an
+// answer later. A starved machine may miss that, so the best of some attempts counts.
+TEST_F(IoDeviceTest, ADeviceThatFallsSilentGetsItsZeroWithinTwentyMilliseconds) {
+  IoSettings io = settings();
+  io.reply_timeout_s = 0.008;
+  make({}, io);
+  start();
+  double best_ms = 1e9;
+  for (int attempt = 0; attempt < 20 && best_ms > 20.0; ++attempt) {
+    ASSERT_TRUE(eventually(10.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk && force()[0] == 1.0; }));
+    std::size_t from = 0;
+    std::uint64_t last_answer_ns = 0;
+    port_.locked([&] {
+      port_.device.mute = true;
+      from = port_.device.history.size();
+    });
+    // The loop goes on asking for the force, as it would: the link works, only the device says nothing.
+    for (int i = 0; i < 30; ++i) {
+      (void)device_->write(rtbus::monotonic_ns(), {{1, 0, 0}});
+      rtbus::sleep_until(rtbus::monotonic_ns() + kMs);
+    }
+    port_.locked([&] {
+      last_answer_ns = port_.device.last_answer_ns;
+      for (std::size_t i = from; i < port_.device.history.size(); ++i) {
+        const auto& command = port_.device.history[i];
+        if (command.time_ns <= last_answer_ns || tests::force_of(command.bytes)[0] != 0.0) continue;
+        best_ms = std::min(best_ms, 1e-6 * static_cast<double>(command.time_ns - last_answer_ns));
+        break;
+      }
+      port_.device.mute = false;
+    });
+  }
+  EXPECT_LE(best_ms, 20.0);
+  EXPECT_GT(best_ms, 8.0) << "one lost answer alone is no reason";
+}
+
+// What the driver makes zero by itself must not come back without a ramp: the loop learns that its force did not leave.
+TEST_F(IoDeviceTest, AWithheldForceFailsTheNextWriteAndComesBackOnlyAfterIt) {
+  std::atomic<bool> withhold{false};
+  make({.withhold = &withhold});
+  start();
+  ASSERT_TRUE(eventually(5.0, [&] { return cycle({2, 0, 0}) == IoStatus::kOk && force()[0] == 2.0; }));
+  EXPECT_EQ(device_->figures().withheld, 0u);
+  withhold.store(true);
+  ASSERT_TRUE(eventually(5.0, [&] { return device_->figures().withheld == 1; }));
+  withhold.store(false);
+  // Not told yet: the old force stays away, however often it is repeated.
+  EXPECT_TRUE(eventually(5.0, [&] { return force()[0] == 0.0; }));
+  int seen = 0;
+  port_.locked([&] { seen = port_.device.commands; });
+  EXPECT_TRUE(eventually(5.0, [&] {
+    int now = 0;
+    port_.locked([&] { now = port_.device.commands; });
+    return now > seen + 5;
+  }));
+  EXPECT_EQ(force()[0], 0.0);
+  EXPECT_EQ(device_->write(rtbus::monotonic_ns(), {{2, 0, 0}}), IoStatus::kLost);
+  EXPECT_EQ(device_->write(rtbus::monotonic_ns(), {}), IoStatus::kOk);
+  EXPECT_EQ(force()[0], 0.0);
+  EXPECT_EQ(device_->figures().withheld, 1u) << "one zero, counted once";
+  EXPECT_TRUE(eventually(5.0, [&] { return cycle({0.5, 0, 0}) == IoStatus::kOk && force()[0] == 0.5; }));
+}
+
+TEST_F(IoDeviceTest, IsRealtimeOnlyWhileTheDeviceRuns) {
+  std::atomic<int> bring_up{-1}, exchange{-1};
+  std::atomic<bool> homed{false};
+  make({.homed = &homed, .bring_up_policy = &bring_up, .exchange_policy = &exchange});
+  start();
+  EXPECT_EQ(bring_up.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER);
+  EXPECT_EQ(exchange.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER) << "not homed: nothing is urgent";
+  homed.store(true);
+  ASSERT_TRUE(running());
+  int may = SCHED_OTHER;
+  std::thread([&] { may = rtbus::prefer_on_time() ? SCHED_FIFO : SCHED_OTHER; }).join();
+  EXPECT_TRUE(eventually(5.0, [&] { return (exchange.load() & ~SCHED_RESET_ON_FORK) == may; }));
+  // Lost and brought up anew: ordinary again.
+  bring_up.store(-1);
+  port_.port->unplug();
+  ASSERT_TRUE(eventually(5.0, [&] { return device_->figures().state == LinkState::kLost; }));
+  port_.port->replug();
+  ASSERT_TRUE(running());
+  EXPECT_EQ(bring_up.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER);
+}
+
+TEST_F(IoDeviceTest, TellsItsLinkForTheBus) {
+  make();
+  start();
+  for (int i = 0; i < 5000 && device_->sample_to_wire().count() <= 10; ++i) (void)cycle({1, 0, 0});
+  ASSERT_TRUE(eventually(5.0, [&] { return device_->figures().protocol.exchanges > 50; }));
+  const auto link = device_->link_stats();
+  ASSERT_TRUE(link.has_value());
+  EXPECT_GT(link->exchanges, 50u);
+  EXPECT_EQ(link->state, static_cast<std::uint32_t>(LinkState::kRunning));
+  EXPECT_GT(link->period_p50_us, 100.0);
+  EXPECT_GT(link->sample_to_wire_p99_us, 0.0);
 }
 
 TEST_F(IoDeviceTest, ClampsAndCounts) {
@@ -258,7 +356,7 @@ TEST_F(IoDeviceTest, StopEndsABringUpThatWaits) {
   make({.wait_in_bring_up = true});
   std::thread other([&] {
     rtbus::sleep_until(rtbus::monotonic_ns() + 50 * kMs);
-    device_->stop_bring_up();
+    device_->cancel_start();
   });
   const auto started = device_->start(0);
   other.join();

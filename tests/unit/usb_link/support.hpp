@@ -1,6 +1,11 @@
 #pragma once
 // A virtual device on a usbfs descriptor of this process, and a protocol over it: the real libusb path without a bus.
+#include <sched.h>
+
+#include <atomic>
+#include <cstring>
 #include <memory>
+#include <vector>
 
 #include "drivers/usb/io_device.hpp"
 #include "drivers/usb/libusb_channel.hpp"
@@ -40,11 +45,15 @@ class EchoProtocol final : public drivers::usb::Protocol {
     bool wait_in_bring_up = false;             ///< Never ends by itself.
     const std::atomic<bool>* homed = nullptr;  ///< Null: always ready.
     const std::atomic<bool>* fault = nullptr;  ///< receive() reports a fault while it is set.
+    const std::atomic<bool>* withhold = nullptr;  ///< send() makes a force zero while it is set.
+    std::atomic<int>* bring_up_policy = nullptr;  ///< How the thread was scheduled in bring_up(), …
+    std::atomic<int>* exchange_policy = nullptr;  ///< … and in the newest send().
     std::atomic<int>* shut_downs = nullptr;
   };
   explicit EchoProtocol(Settings settings) : settings_(std::move(settings)) {}
 
   rtbus::Result<void, drivers::DeviceFault> bring_up(Channel& channel) override {
+    if (settings_.bring_up_policy != nullptr) settings_.bring_up_policy->store(::sched_getscheduler(0));
     if (!settings_.fail_with.empty()) return rtbus::Failure{drivers::DeviceFault{settings_.fail_with}};
     while (settings_.wait_in_bring_up) {
       if (channel.sleep_until(channel.now_ns() + 1'000'000'000) == UsbStatus::kStopping) {
@@ -54,7 +63,11 @@ class EchoProtocol final : public drivers::usb::Protocol {
     return {};
   }
 
-  UsbStatus send(Channel& channel, const drivers::Vec3& force_n, double, std::uint64_t deadline_ns) noexcept override {
+  UsbStatus send(Channel& channel, const drivers::Vec3& asked_n, double, std::uint64_t deadline_ns) noexcept override {
+    if (settings_.exchange_policy != nullptr) settings_.exchange_policy->store(::sched_getscheduler(0));
+    const bool withhold = settings_.withhold != nullptr && settings_.withhold->load();
+    withheld_ = withhold && asked_n != drivers::Vec3{};
+    const drivers::Vec3 force_n = withhold ? drivers::Vec3{} : asked_n;
     const float frame[4] = {static_cast<float>(++number_ % 1000), static_cast<float>(force_n[0]),
                             static_cast<float>(force_n[1]), static_cast<float>(force_n[2])};
     std::memcpy(out_, frame, sizeof frame);
@@ -100,21 +113,25 @@ class EchoProtocol final : public drivers::usb::Protocol {
   }
   std::string remedy() const override { return "move the handle to its rest"; }
   std::string fault() const override { return "the device reports overheating"; }
+  bool withheld() const noexcept override { return withheld_; }
   const drivers::usb::LinkCounters& counters() const noexcept override { return counters_; }
 
  private:
   Settings settings_;
   drivers::usb::LinkCounters counters_;
   std::uint64_t number_ = 0;
+  bool withheld_ = false;
   std::uint8_t out_[16] = {};
   std::uint8_t in_[512] = {};
 };
 
-/// Force that the echo device got last [N]; under the port's lock.
-inline drivers::Vec3 force_at(const EchoDevice& device) {
+/// Force of a command [N].
+inline drivers::Vec3 force_of(const std::vector<std::uint8_t>& command) {
   float frame[4] = {};
-  if (device.last_command.size() == sizeof frame) std::memcpy(frame, device.last_command.data(), sizeof frame);
+  if (command.size() == sizeof frame) std::memcpy(frame, command.data(), sizeof frame);
   return {frame[1], frame[2], frame[3]};
 }
+/// Force that the echo device got last [N]; under the port's lock.
+inline drivers::Vec3 force_at(const EchoDevice& device) { return force_of(device.last_command); }
 
 }  // namespace tests

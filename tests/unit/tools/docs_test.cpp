@@ -1,0 +1,110 @@
+// The tables of the documents that name a test for each fault name tests that exist.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+const fs::path kRoot = RTBUS_SOURCE_DIR;
+
+std::string text_of(const fs::path& file) {
+  std::ostringstream out;
+  out << std::ifstream(file).rdbuf();
+  return out.str();
+}
+
+/// "Suite.Name" of every test in tests/, and the fuzzers.
+std::set<std::string> all_tests() {
+  std::set<std::string> out;
+  const std::regex test(R"(\bTEST(?:_F|_P)?\(\s*(\w+)\s*,\s*(\w+)\s*\))");
+  for (const auto& entry : fs::recursive_directory_iterator(kRoot / "tests")) {
+    if (entry.path().extension() != ".cpp") continue;
+    const std::string text = text_of(entry.path());
+    for (std::sregex_iterator it(text.begin(), text.end(), test), end; it != end; ++it) {
+      out.insert((*it)[1].str() + "." + (*it)[2].str());
+    }
+  }
+  const std::string fuzzers = text_of(kRoot / "tests/fuzz/CMakeLists.txt");
+  const std::regex fuzzer(R"(\bfuzz_\w+)");
+  for (std::sregex_iterator it(fuzzers.begin(), fuzzers.end(), fuzzer), end; it != end; ++it) out.insert(it->str());
+  return out;
+}
+
+/// What stands between `…` in the last column of tables whose last heading says "test" or "proved by".
+std::vector<std::string> named_in(const fs::path& document) {
+  std::vector<std::string> out;
+  std::ifstream stream(document);
+  const std::regex heading(R"(\|\s*(test|Test|Proved by)\s*\|\s*$)");
+  const std::regex name("`([^`]+)`");
+  bool inside = false;
+  for (std::string line; std::getline(stream, line);) {
+    if (!line.starts_with("|")) inside = false;
+    const std::size_t last = line.rfind('|', line.size() < 2 ? 0 : line.size() - 2);
+    if (inside && last != std::string::npos) {
+      const std::string cell = line.substr(last);
+      for (std::sregex_iterator it(cell.begin(), cell.end(), name), end; it != end; ++it) out.push_back((*it)[1]);
+    }
+    if (std::regex_search(line, heading)) inside = true;
+  }
+  return out;
+}
+
+/// A name, a beginning of one ("Suite.Does…"), all of a suite ("Suite.*"), one of its parameters ("Suite.Name/param"),
+/// or a file of wrong configurations ("Suite.…/file").
+bool exists(const std::string& name, const std::set<std::string>& tests) {
+  const std::string dots = "…";
+  const std::size_t slash = name.find('/');
+  std::string wanted = name.substr(0, slash);
+  bool whole = true;
+  for (const std::string& open : {dots, std::string("*")}) {
+    if (!wanted.ends_with(open)) continue;
+    wanted.resize(wanted.size() - open.size());
+    whole = false;
+  }
+  if (wanted.find('.') == std::string::npos && !wanted.starts_with("fuzz_")) return false;
+  if (slash != std::string::npos && wanted.ends_with(".")) {
+    for (const auto& entry : fs::recursive_directory_iterator(kRoot / "tests/data/bad_configs")) {
+      if (entry.path().stem() == name.substr(slash + 1)) return true;
+    }
+    return false;
+  }
+  const auto found = tests.lower_bound(wanted);
+  return found != tests.end() && (whole ? *found == wanted : found->starts_with(wanted));
+}
+
+class Documents : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Tables, Documents, testing::Values("devices", "safety"),
+                         [](const auto& document) { return std::string(document.param); });
+
+TEST_P(Documents, NameTestsThatExist) {
+  const auto tests = all_tests();
+  ASSERT_GT(tests.size(), 500u);
+  const auto named = named_in(kRoot / "docs" / (std::string(GetParam()) + ".md"));
+  EXPECT_GT(named.size(), 10u);
+  for (const std::string& name : named) EXPECT_TRUE(exists(name, tests)) << name;
+}
+
+TEST(DocumentTables, AWrongNameWouldBeSeen) {
+  const std::set<std::string> tests{"Suite.DoesThis", "fuzz_stream"};
+  EXPECT_TRUE(exists("Suite.DoesThis", tests));
+  EXPECT_TRUE(exists("Suite.Does…", tests));
+  EXPECT_TRUE(exists("Suite.*", tests));
+  EXPECT_TRUE(exists("Suite.DoesThis/Fast", tests));
+  EXPECT_TRUE(exists("fuzz_stream", tests));
+  EXPECT_FALSE(exists("Suite.Does", tests));
+  EXPECT_FALSE(exists("Suite.Done…", tests));
+  EXPECT_FALSE(exists("Other.*", tests));
+  EXPECT_FALSE(exists("DoesThis…", tests));
+  EXPECT_FALSE(exists("BadSuite.…/no_such_file", tests));
+}
+
+}  // namespace
