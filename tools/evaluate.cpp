@@ -2,12 +2,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "rtbus/config/document.hpp"
 #include "tools/command.hpp"
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
+#include "tools/experiments/stability.hpp"
 #include "tools/supervisor.hpp"
 
 namespace tools {
@@ -21,6 +23,10 @@ struct EvaluateOptions {
   std::vector<std::string> assignments;
   bool quick = false;
   bool json = false;
+  std::uint64_t seed = 1;
+  std::size_t cases = 0;  ///< 0: the experiment's own number.
+  int jobs = 0;           ///< 0: one per core.
+  std::optional<std::uint64_t> one_case;
 };
 
 /// A session file of the project: from the folder where the command runs, else beside the build
@@ -54,6 +60,16 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
       OverheadOptions overhead{find_session("wall.yaml"), find_session("stack_125.yaml")};
       if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
       evaluate_overhead(overhead, experiment);
+    } else if (options.experiment == "stability") {
+      StabilityOptions stability;
+      stability.session_file = options.config.empty() ? find_session("wall.yaml") : options.config;
+      stability.assignments = options.assignments;
+      stability.first_seed = options.seed;
+      stability.cases = options.cases != 0 ? options.cases : options.quick ? 2'000 : 100'000;
+      stability.jobs = options.jobs;
+      stability.fine_maps = !options.quick;
+      if (options.one_case) return show_stability_case(stability, *options.one_case, experiment.folder());
+      evaluate_stability(stability, experiment);
     } else {
       DropOptions drop;
       drop.session_file = options.config.empty() ? find_session("drop_paper.yaml") : options.config;
@@ -78,9 +94,9 @@ Action add_evaluate(CLI::App& command) {
   command
       .add_option("experiment", options->experiment,
                   "drop: free fall onto a wall (paper, Figs 8 to 11); faults: what the hand feels when something dies; "
-                  "overhead: what each optional part costs")
+                  "overhead: what each optional part costs; stability: seeded cases from easy to absurd, and maps")
       ->required()
-      ->check(CLI::IsMember({"drop", "faults", "overhead"}));
+      ->check(CLI::IsMember({"drop", "faults", "overhead", "stability"}));
   command.add_flag("--quick", options->quick, "Fewer runs");
   command
       .add_option("--set", options->assignments,
@@ -89,9 +105,15 @@ Action add_evaluate(CLI::App& command) {
   command.add_option("--config", options->config, "Session file; default: the experiment's own");
   command.add_option("--out", options->out, "Folder for the results")->capture_default_str();
   command.add_flag("--json", options->json, "Print summary.json instead of tables");
+  command.add_option("--seed", options->seed, "stability: number of the first case")->capture_default_str();
+  command.add_option("--cases", options->cases, "stability: how many [100000; with --quick 2000]");
+  command.add_option("--jobs", options->jobs, "stability: processes at a time [one per core]");
+  command.add_option("--case", options->one_case, "stability: this case alone, with a figure of force and position");
   return [options] {
     std::string line = "rtbus evaluate " + options->experiment;
     if (options->quick) line += " --quick";
+    if (options->experiment == "stability") line += " --seed " + std::to_string(options->seed);
+    if (options->cases != 0) line += " --cases " + std::to_string(options->cases);
     for (const std::string& text : options->assignments) line += " --set " + text;
     return evaluate(*options, line);
   };
