@@ -1,12 +1,17 @@
 #include "haptic_node/passivity.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace haptic {
 
 namespace {
 /// Ways shorter than so many encoder steps earn no credit.
 constexpr double kCreditQuanta = 8.0;
+/// A force may be there without energy as far as a spring holds so much of it …
+constexpr double kFreeJ = 0.25e-3;
+/// … and the ledger may hold so much more than what the spring has stored.
+constexpr double kReserveJ = 1e-3;
 }  // namespace
 
 double Passivity::burnt(const Eigen::Vector3d& position_m, double elapsed_s) noexcept {
@@ -40,6 +45,36 @@ void Passivity::observe(const Eigen::Vector3d& mean_force_n, const Eigen::Vector
   // moment from making the device viscous for seconds.
   ledger_j_ = std::clamp(ledger_j_ + absorbed + burnt(position_m, elapsed_s),
                          -std::max(config_.reservoir_max_j, config_.debt_floor_j), config_.reservoir_max_j);
+}
+
+void Passivity::give(double energy_j) noexcept {
+  // A coupling with lag hands energy to the world before the hand has felt it. That is no debt of ours: it is owed, and
+  // what the world gives back later pays that first.
+  if (energy_j < 0.0) {
+    const double taken = std::min(std::max(ledger_j_, 0.0), -energy_j);
+    ledger_j_ -= taken;
+    owed_j_ = std::min(owed_j_ - energy_j - taken, config_.reservoir_max_j);
+  } else {
+    const double paid = std::min(owed_j_, energy_j);
+    owed_j_ -= paid;
+    ledger_j_ = std::min(ledger_j_ + energy_j - paid, config_.reservoir_max_j);
+  }
+}
+
+Eigen::Vector3d Passivity::limit(const Eigen::Vector3d& force_n, const Eigen::Vector3d& velocity_m_s,
+                                 bool& acted) noexcept {
+  acted = false;
+  const double norm = force_n.norm();
+  const double twice_stiffness = 2.0 * config_.stiffness_n_per_m;
+  if (!config_.control || twice_stiffness <= 0.0 || norm <= 0.0) return force_n;
+  // What acts against the motion takes energy in, now: it needs none.
+  const double against = std::max(0.0, -force_n.dot(velocity_m_s) / norm);
+  const double limit_n = std::sqrt(twice_stiffness * std::max(0.0, ledger_j_ + kFreeJ)) +
+                         config_.allowance_n_s_per_m * against;
+  acted = norm > limit_n;
+  const Eigen::Vector3d out = acted ? Eigen::Vector3d(force_n * (limit_n / norm)) : force_n;
+  if (config_.books_world) ledger_j_ = std::min(ledger_j_, out.squaredNorm() / twice_stiffness + kReserveJ);
+  return out;
 }
 
 Eigen::Vector3d Passivity::control(const Eigen::Vector3d& force_n, const Eigen::Vector3d& velocity_m_s, double dt_s,

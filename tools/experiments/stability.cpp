@@ -123,6 +123,17 @@ void evaluate_stability(const StabilityOptions& options, Experiment& experiment)
   progress.clear();
   if (!whole) throw std::runtime_error("interrupted after " + std::to_string(done) + " cases");
 
+  if (options.maps) {
+    std::vector<StabilityResult> cells;
+    const auto show = [&](std::size_t ready, std::size_t of) {
+      progress.show_share(static_cast<double>(ready) / static_cast<double>(of),
+                          std::to_string(ready) + " of " + std::to_string(of) + " cells of the maps");
+    };
+    draw_maps(experiment, run_maps(options, jobs_of(options), show, cells));
+    progress.clear();
+    experiment.note(std::to_string(cells.size()) + " more cases are in the maps");
+  }
+
   std::ofstream tsv(experiment.folder() / "stability_cases.tsv");
   write_header(tsv);
   Table worst{"stability_worst", {"seed", "outcome", "swing [N]", "swing [mm]", "what"}, {}};

@@ -3,6 +3,7 @@
 /// `rtbus evaluate stability`: seeded cases from easy to absurd, each settled, limit cycle or diverged; the declared
 /// envelope held against its promise; maps with the boundaries that theory draws.
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,8 +43,10 @@ struct StabilityMap {
   /// Boundaries: gnuplot's functions of x, with their titles.
   std::vector<std::pair<std::string, std::string>> lines;
 };
-/// Runs the maps' cells: each under three hands, the worst counts. @returns what was run, for the counts.
-[[nodiscard]] std::vector<StabilityMap> run_maps(const StabilityOptions& options, std::size_t& runs, int& failed);
+/// Runs the maps' cells: each under three hands, the worst counts. Empty when somebody interrupted.
+[[nodiscard]] std::vector<StabilityMap> run_maps(const StabilityOptions& options, int jobs,
+                                                 const std::function<void(std::size_t, std::size_t)>& progress,
+                                                 std::vector<StabilityResult>& results);
 void draw_maps(Experiment& experiment, const std::vector<StabilityMap>& maps);
 
 }  // namespace tools

@@ -15,7 +15,7 @@ namespace {
 constexpr double kDeviceMassKg = 0.041;  // of phantom_desktop
 constexpr double kBoxEdgeM = 0.02;       // of a moving body, at scale 1
 constexpr double kSoftNPerM = 100.0, kStiffNPerM = 700.0;  // the presets light and firm
-constexpr double kPressForceN = 4.0;                       // what a hand presses with at most, standing still
+constexpr double kPressForceN = 1.6;                       // standing still; above 1.75 N the motors get too warm
 constexpr double kRampS = 0.02;
 
 __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
@@ -110,7 +110,7 @@ std::string hand_map(const StabilityCase& each) {
 }
 
 /// The proxy has a radius where bodies move; its surface is at the hand's zero.
-double radius_m(const StabilityCase& each) { return each.moves_bodies() ? 0.25 * kBoxEdgeM * each.scale : 0.0; }
+double radius_m(const StabilityCase& each) { return each.moves_bodies() ? std::min(1.0, 0.25 * kBoxEdgeM * each.scale) : 0.0; }
 
 std::string scene_map(const StabilityCase& each) {
   const double s = each.scale;
