@@ -41,7 +41,7 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       // In 1 ms steps: two processes that follow each other get different ones. Fixed where runs must repeat.
       mapping_(config.mapping, measure ? static_cast<std::uint32_t>(rtbus::monotonic_ns() >> 20) : 1),
       renderer_(make_renderer(config, mapping_)),
-      velocity_(config.velocity_cutoff_hz),
+      velocity_(config.velocity),
       safety_(config.safety),
       monitor_(config.link),
       force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {

@@ -104,6 +104,7 @@ void read_safety(Map& entry, HapticConfig& out) {
                                              kDamperNoise_n / std::max(noise_m_s, 1e-9));
   passivity.stiffness_n_per_m = out.stiffness_n_per_m;
   passivity.books_world = find_renderer(out.method)->books_world;
+  passivity.noise_speed_m_s = 2.0 * noise_m_s;
   passivity.allowance_n_s_per_m = kDampingPerMassRate * device.apparent_mass_kg * out.rate_hz;
   passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
   passivity.coulomb_friction_n = device.coulomb_friction_n;
@@ -207,7 +208,11 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
 
   read_method(entry, *method, out);
 
+  out.velocity.adaptive =
+      entry.choice("velocity_estimator", {"low_pass", "adaptive_window"}, "low_pass") == "adaptive_window";
+  out.velocity.quantum_m = device.position_quantum_m;
   out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
+  out.velocity.cutoff_hz = out.velocity_cutoff_hz;
   auto coupling = entry.map("coupling");
   out.stiffness_requested_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
   out.damping_requested_n_s_per_m = coupling.number("damping_n_s_per_m", {0.0, 1e3}, 0.0);

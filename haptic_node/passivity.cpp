@@ -8,6 +8,8 @@ namespace haptic {
 namespace {
 /// Ways shorter than so many encoder steps earn no credit.
 constexpr double kCreditQuanta = 8.0;
+/// From this debt on the damper may use all it has.
+constexpr double kFullDebtJ = 0.05e-3;
 /// A force may be there without energy as far as a spring holds so much of it …
 constexpr double kFreeJ = 0.25e-3;
 /// … and the ledger may hold so much more than what the spring has stored.
@@ -68,7 +70,7 @@ Eigen::Vector3d Passivity::limit(const Eigen::Vector3d& force_n, const Eigen::Ve
   const double twice_stiffness = 2.0 * config_.stiffness_n_per_m;
   if (!config_.control || twice_stiffness <= 0.0 || norm <= 0.0) return force_n;
   // What acts against the motion takes energy in, now: it needs none.
-  const double against = std::max(0.0, -force_n.dot(velocity_m_s) / norm);
+  const double against = std::max(0.0, -force_n.dot(velocity_m_s) / norm - config_.noise_speed_m_s);
   const double limit_n = std::sqrt(twice_stiffness * std::max(0.0, ledger_j_ + kFreeJ)) +
                          config_.allowance_n_s_per_m * against;
   acted = norm > limit_n;
@@ -83,7 +85,9 @@ Eigen::Vector3d Passivity::control(const Eigen::Vector3d& force_n, const Eigen::
   const double speed_squared = velocity_m_s.squaredNorm();
   if (!config_.control || ledger_j_ >= 0.0 || speed_squared <= 0.0) return force_n;
   // α = −E/(T·v²) would settle the debt within this tick; the ceiling spreads it when v is small.
-  const double damping = std::min(-ledger_j_ / (dt_s * speed_squared), config_.damping_max_n_s_per_m);
+  // The ceiling itself comes with the debt, so that a ledger about zero does not switch a force on and off.
+  const double damping = std::min(-ledger_j_ / (dt_s * speed_squared),
+                                  config_.damping_max_n_s_per_m * std::min(1.0, -ledger_j_ / kFullDebtJ));
   dissipated_j_ += damping * speed_squared * dt_s;
   acted = true;
   return force_n - damping * velocity_m_s;

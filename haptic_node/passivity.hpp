@@ -23,7 +23,8 @@ struct PassivityConfig {
   double position_quantum_m = 0.0;         ///< Of the encoders: what toggles by less than some of these is not motion.
   double stiffness_n_per_m = 0.0;          ///< Of the coupling: its stored energy is |F|²/(2K). 0: no limit().
   bool books_world = false;                ///< give() is called: no energy but the spring's own need be kept.
-  double allowance_n_s_per_m = 0.0;        ///< A force against the motion may be larger by so much times the speed.
+  double allowance_n_s_per_m = 0.0;        ///< A force against the motion may be larger by so much times the speed …
+  double noise_speed_m_s = 0.0;            ///< … that is more than this.
 };
 
 /// @realtime Yes, all of it.

@@ -109,9 +109,11 @@ class Watch {
   void judge(bool rested) {
     if (windows_.empty()) return;
     const std::size_t n = windows_.size();
-    out_.swing_n = windows_.back().force_n.size();
-    out_.swing_m = windows_.back().tip_m.size();
+    // The median window of the last quarter: what happens once (a stack falls, physics was lost for a moment) is no
+    // oscillation.
     const std::size_t late = n - std::max<std::size_t>(1, n / 4);
+    out_.swing_n = median(late, n, [](const Window& w) { return w.force_n.size(); });
+    out_.swing_m = median(late, n, [](const Window& w) { return w.tip_m.size(); });
     const double before_j = std::min(
         motion_ledger_j_,
         late > 0 ? *std::min_element(ledgers_j_.begin(), ledgers_j_.begin() + static_cast<long>(late)) : 0.0);
@@ -122,11 +124,11 @@ class Watch {
       return;
     }
     // A tip that creeps one way is not at rest, and the ripple of the force on its way no oscillation.
-    const bool creeps = windows_.back().tip_m.drift() > bar_m();
+    const bool creeps = median(late, n, [](const Window& w) { return w.tip_m.drift(); }) > bar_m();
     const bool large = out_.swing_m > bar_m() || (out_.swing_n > kSwingBarN && !creeps);
-    // The last quarter of the time against the second one: single windows see different parts of a slow swing.
-    const double faded = std::max(ratio(largest_n(late, n), largest_n(n / 4, n / 2), kSwingBarN),
-                                  ratio(largest_m(late, n), largest_m(n / 4, n / 2), bar_m()));
+    const double before_n = median(n / 4, n / 2, [](const Window& w) { return w.force_n.size(); });
+    const double before_m = median(n / 4, n / 2, [](const Window& w) { return w.tip_m.size(); });
+    const double faded = std::max(ratio(out_.swing_n, before_n, kSwingBarN), ratio(out_.swing_m, before_m, bar_m()));
     out_.growing = large && faded > 1.1;
     if (out_.clamped_s > kClampBarS || out_.law_nonfinite > 0) {
       out_.outcome = StabilityOutcome::kDiverged;
@@ -149,19 +151,14 @@ class Watch {
  private:
   /// An oscillation that has lost a quarter in half of the time dies out.
   static constexpr double kFading = 0.75;
-  [[nodiscard]] double largest_n(std::size_t from, std::size_t to) const {
-    double out = 0.0;
-    for (std::size_t i = from; i < std::max(to, from + 1) && i < windows_.size(); ++i) {
-      out = std::max(out, windows_[i].force_n.size());
-    }
-    return out;
-  }
-  [[nodiscard]] double largest_m(std::size_t from, std::size_t to) const {
-    double out = 0.0;
-    for (std::size_t i = from; i < std::max(to, from + 1) && i < windows_.size(); ++i) {
-      out = std::max(out, windows_[i].tip_m.size());
-    }
-    return out;
+  template <class Value>
+  [[nodiscard]] double median(std::size_t from, std::size_t to, Value value) const {
+    std::vector<double> values;
+    for (std::size_t i = from; i < std::max(to, from + 1) && i < windows_.size(); ++i) values.push_back(value(windows_[i]));
+    if (values.empty()) return 0.0;
+    const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
   }
   static double ratio(double now, double before, double bar) {
     return now <= 0.2 * bar ? 0.0 : now / std::max(before, 0.2 * bar);
