@@ -50,12 +50,10 @@ void Passivity::observe(const Eigen::Vector3d& mean_force_n, const Eigen::Vector
 }
 
 void Passivity::give(double energy_j) noexcept {
-  // A coupling with lag hands energy to the world before the hand has felt it. That is no debt of ours: it is owed, and
-  // what the world gives back later pays that first.
+  // The other end has a spring and damper of its own and hands energy to the world before the hand has felt it, or
+  // without. That is no debt of ours: the world owes it, and what comes back later pays that first.
   if (energy_j < 0.0) {
-    const double taken = std::min(std::max(ledger_j_, 0.0), -energy_j);
-    ledger_j_ -= taken;
-    owed_j_ = std::min(owed_j_ - energy_j - taken, config_.reservoir_max_j);
+    owed_j_ = std::min(owed_j_ - energy_j, config_.reservoir_max_j);
   } else {
     const double paid = std::min(owed_j_, energy_j);
     owed_j_ -= paid;
@@ -71,11 +69,17 @@ Eigen::Vector3d Passivity::limit(const Eigen::Vector3d& force_n, const Eigen::Ve
   if (!config_.control || twice_stiffness <= 0.0 || norm <= 0.0) return force_n;
   // What acts against the motion takes energy in, now: it needs none.
   const double against = std::max(0.0, -force_n.dot(velocity_m_s) / norm - config_.noise_speed_m_s);
-  const double limit_n = std::sqrt(twice_stiffness * std::max(0.0, ledger_j_ + kFreeJ)) +
-                         config_.allowance_n_s_per_m * against;
+  const double limit_n =
+      std::sqrt(twice_stiffness * std::max(0.0, ledger_j_ + kFreeJ)) + config_.allowance_n_s_per_m * against;
   acted = norm > limit_n;
   const Eigen::Vector3d out = acted ? Eigen::Vector3d(force_n * (limit_n / norm)) : force_n;
-  if (config_.books_world) ledger_j_ = std::min(ledger_j_, out.squaredNorm() / twice_stiffness + kReserveJ);
+  if (!config_.books_world) return out;
+  // More than the spring has stored is not kept: it pays first for what the world has borrowed.
+  const double excess = ledger_j_ - (out.squaredNorm() / twice_stiffness + kReserveJ);
+  if (excess > 0.0) {
+    ledger_j_ -= excess;
+    owed_j_ = std::max(0.0, owed_j_ - excess);
+  }
   return out;
 }
 

@@ -14,7 +14,7 @@ namespace haptic {
 
 struct PassivityConfig {
   bool control = true;           ///< False: energy is observed and published, and nothing is done about it.
-  double debt_floor_j = 0.0;  ///< The debt may grow at least as far, whatever may be stored.
+  double debt_floor_j = 0.0;     ///< The debt may grow at least as far, whatever may be stored.
   double reservoir_max_j = 0.0;  ///< What may be stored and given back: the energy of the fully stretched coupling. The
                                  ///< debt is bounded by the same figure.
   double damping_max_n_s_per_m = 0.0;      ///< Ceiling of the injected damper: more would amplify velocity noise.
@@ -45,9 +45,9 @@ class Passivity {
   /// The world has put so much energy into the coupling at its other end; negative: it has taken some.
   void give(double energy_j) noexcept RTBUS_NONBLOCKING;
 
-  /// `force_n`, shortened to what a spring can hold with the energy in the ledger, √(2K·E): passive set-point modulation
-  /// (D. Lee, K. Huang, "Passive-set-position-modulation framework for interactive robotic systems", IEEE Trans. Robotics
-  /// 26(2), 2010) seen from the force, whatever moved the set-point. `acted` tells whether it was.
+  /// `force_n`, shortened to what a spring can hold with the energy in the ledger, √(2K·E): passive set-point
+  /// modulation (D. Lee, K. Huang, "Passive-set-position-modulation framework for interactive robotic systems", IEEE
+  /// Trans. Robotics 26(2), 2010) seen from the force, whatever moved the set-point. `acted` tells whether it was.
   [[nodiscard]] Eigen::Vector3d limit(const Eigen::Vector3d& force_n, const Eigen::Vector3d& velocity_m_s,
                                       bool& acted) noexcept RTBUS_NONBLOCKING;
 

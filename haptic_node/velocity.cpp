@@ -36,7 +36,8 @@ double VelocityEstimator::window_velocity(int axis) const noexcept {
   double slope = 0.0;
   for (std::size_t n = 1; n < kept_; ++n) {
     const Sample& end = back(n);
-    const double candidate = (now.position_m[axis] - end.position_m[axis]) / rtbus::seconds_between(end.time_ns, now.time_ns);
+    const double candidate =
+        (now.position_m[axis] - end.position_m[axis]) / rtbus::seconds_between(end.time_ns, now.time_ns);
     bool fits = true;
     for (std::size_t i = 1; i < n && fits; ++i) {
       const double line_m = now.position_m[axis] - candidate * rtbus::seconds_between(back(i).time_ns, now.time_ns);

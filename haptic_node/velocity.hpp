@@ -17,13 +17,13 @@ struct VelocityConfig {
   double quantum_m = 0.0;    ///< Of the encoders, for the adaptive window.
 };
 
-/// Low-pass: backward difference over the real time between measurements, through a first-order low-pass. One encoder step
-/// of 23 µm is 23 mm/s of noise at 1 kHz; the low-pass at 100 Hz leaves 9 mm/s of it and delays by 1.6 ms.
+/// Low-pass: backward difference over the real time between measurements, through a first-order low-pass. One encoder
+/// step of 23 µm is 23 mm/s of noise at 1 kHz; the low-pass at 100 Hz leaves 9 mm/s of it and delays by 1.6 ms.
 ///
 /// Adaptive window (F. Janabi-Sharifi, V. Hayward, C.-S. J. Chen, "Discrete-time adaptive windowing for velocity
-/// estimation", IEEE Trans. Control Systems Technology 8(6), 2000; first order, end-fit): per axis the slope of the longest
-/// line from the newest sample back that passes all samples between within one encoder step; at most kWindow of them.
-/// Decision 0009 has the comparison.
+/// estimation", IEEE Trans. Control Systems Technology 8(6), 2000; first order, end-fit): per axis the slope of the
+/// longest line from the newest sample back that passes all samples between within one encoder step; at most kWindow of
+/// them. Decision 0009 has the comparison.
 class VelocityEstimator {
  public:
   static constexpr std::size_t kWindow = 16;

@@ -34,15 +34,15 @@ RenderOutput RemoteVirtualCoupling::render(const RenderInput& input) noexcept {
   if (paper_) {
     out.proxy_position_m = input.proxy.position_m;
     out.proxy_velocity_m_s = input.proxy.velocity_m_s;
-    out.force_n = stiffness_n_per_m_ * (out.proxy_position_m - input.position_m) -
-                  damping_n_s_per_m_ * input.velocity_m_s;
+    out.force_n =
+        stiffness_n_per_m_ * (out.proxy_position_m - input.position_m) - damping_n_s_per_m_ * input.velocity_m_s;
     return out;
   }
   follow(input);
   out.proxy_position_m = at_m_;
   out.proxy_velocity_m_s = velocity_m_s_;
-  out.force_n = stiffness_n_per_m_ * (at_m_ - input.position_m) +
-                damping_n_s_per_m_ * (velocity_m_s_ - input.velocity_m_s);
+  out.force_n =
+      stiffness_n_per_m_ * (at_m_ - input.position_m) + damping_n_s_per_m_ * (velocity_m_s_ - input.velocity_m_s);
   return out;
 }
 

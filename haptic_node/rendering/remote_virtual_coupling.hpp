@@ -8,9 +8,10 @@ namespace haptic {
 /// F = K(A − x) + B(V_A − v), A being the newest proxy that physics sent. The paper's form damps the absolute velocity
 /// (−B·v), which costs drag in free air; damping the relative one does not.
 ///
-/// Where physics is slower than the loop, A moves to each new proxy in a straight line, over one of physics' periods, and
-/// V_A is its velocity on that line. A set-point that jumps is a step of the force with every answer, and rings the tip on
-/// its spring (decision 0009); the line costs half a period of delay on the average. The paper's form holds and jumps.
+/// Where physics is slower than the loop, A moves to each new proxy in a straight line, over one of physics' periods,
+/// and V_A is its velocity on that line. A set-point that jumps is a step of the force with every answer, and rings the
+/// tip on its spring (decision 0009); the line costs half a period of delay on the average. The paper's form holds and
+/// jumps.
 class RemoteVirtualCoupling final : public Renderer {
  public:
   RemoteVirtualCoupling(double stiffness_n_per_m, double damping_n_s_per_m, bool paper = false) noexcept

@@ -82,8 +82,8 @@ void check(const std::map<std::string, Group>& groups, Experiment& experiment) {
   }
   const auto found = groups.find("in the envelope, default method");
   const Group envelope = found == groups.end() ? Group{} : found->second;
-  experiment.check_at_least("stability.envelope.cases", "cases in the envelope", static_cast<double>(envelope.cases), "",
-                            1.0);
+  experiment.check_at_least("stability.envelope.cases", "cases in the envelope", static_cast<double>(envelope.cases),
+                            "", 1.0);
   experiment.check_at_most("stability.envelope.diverged", "diverged in the envelope",
                            envelope.count(StabilityOutcome::kDiverged), "cases", 0.0);
   experiment.check_at_most("stability.failed", "not finite or above the limit, anywhere",
@@ -141,8 +141,8 @@ void evaluate_stability(const StabilityOptions& options, Experiment& experiment)
     const StabilityCase each = draw_case(result.seed);
     groups[group_of(each)].add(each, result);
     write_row(tsv, each, result);
-    const bool bad = result.outcome == StabilityOutcome::kFailed ||
-                     (each.envelope && result.outcome == StabilityOutcome::kDiverged);
+    const bool bad =
+        result.outcome == StabilityOutcome::kFailed || (each.envelope && result.outcome == StabilityOutcome::kDiverged);
     if (bad && worst.rows.size() < 20) {
       worst.rows.push_back({std::to_string(result.seed), std::string(to_string(result.outcome)), result.swing_n,
                             result.swing_m * 1e3, describe(each) + (result.error[0] != 0 ? ": " : "") + result.error});
@@ -173,13 +173,14 @@ int show_stability_case(const StabilityOptions& options, std::uint64_t seed, con
   for (const std::string& text : assignments_of(each)) std::printf("  --set '%s'\n", text.c_str());
   std::vector<StabilityTick> ticks;
   const StabilityResult r = run_case(each, options.session_file, options.assignments, true, &ticks);
-  std::printf("%s%s; swing %.4g N, %.4g mm p-p; direct at 10 kHz %.4g N, %.4g mm; peak %.4g N, clamped %.3g s\n"
-              "rendered %.4g N/m, %.4g N s/m; ledger at least %.4g mJ (bar %.4g), in debt %.4g s; true work of the plant "
-              "%.4g mJ, ledger off by %.3g mJ; settled after %.3g s of %.3g s%s%s\n",
-              to_string(r.outcome), r.growing ? ", growing" : "", r.swing_n, r.swing_m * 1e3, r.reference_n,
-              r.reference_m * 1e3, r.peak_n, r.clamped_s, r.rendered_n_per_m, r.rendered_n_s_per_m,
-              r.lowest_ledger_j * 1e3, r.debt_bar_j() * 1e3, r.debt_s, r.plant_work_j * 1e3, r.ledger_error_j * 1e3,
-              r.settled_s, r.simulated_s, r.error[0] != 0 ? "; " : "", r.error);
+  std::printf(
+      "%s%s; swing %.4g N, %.4g mm p-p; direct at 10 kHz %.4g N, %.4g mm; peak %.4g N, clamped %.3g s\n"
+      "rendered %.4g N/m, %.4g N s/m; ledger at least %.4g mJ (bar %.4g), in debt %.4g s; true work of the plant "
+      "%.4g mJ, ledger off by %.3g mJ; settled after %.3g s of %.3g s%s%s\n",
+      to_string(r.outcome), r.growing ? ", growing" : "", r.swing_n, r.swing_m * 1e3, r.reference_n,
+      r.reference_m * 1e3, r.peak_n, r.clamped_s, r.rendered_n_per_m, r.rendered_n_s_per_m, r.lowest_ledger_j * 1e3,
+      r.debt_bar_j() * 1e3, r.debt_s, r.plant_work_j * 1e3, r.ledger_error_j * 1e3, r.settled_s, r.simulated_s,
+      r.error[0] != 0 ? "; " : "", r.error);
   const std::string stem = "case_" + std::to_string(seed);
   std::ofstream tsv(folder / (stem + ".tsv"));
   tsv << "# time [s]\ttip [mm]\tforce [N]\tproxy [mm]\tledger [mJ]\tforce of the law [N]\n";
@@ -193,13 +194,15 @@ int show_stability_case(const StabilityOptions& options, std::uint64_t seed, con
     figure.stem = stem;
     figure.height_px = 900;
     const std::string file = gnuplot_quoted(stem + ".tsv");
-    figure.body = "set multiplot layout 3,1 title " + gnuplot_quoted("case " + std::to_string(seed) + ", " + to_string(r.outcome)) +
+    figure.body = "set multiplot layout 3,1 title " +
+                  gnuplot_quoted("case " + std::to_string(seed) + ", " + to_string(r.outcome)) +
                   "\nset grid lc rgb 'gray80'\nset lmargin 9\nset ylabel 'position [mm]'\nplot " + file +
                   " using 1:2 with lines lw 2 title 'tip', '' using 1:4 with lines title 'proxy'\n"
-                  "set ylabel 'force [N]'\nplot " + file +
+                  "set ylabel 'force [N]'\nplot " +
+                  file +
                   " using 1:3 with lines lw 2 title 'sent', '' using 1:(abs($6)<20?$6:NaN) with lines title 'law'\n"
-                  "set ylabel 'ledger [mJ]'\nset xlabel 'time [s]'\nplot " + file +
-                  " using 1:5 with lines notitle\nunset multiplot\n";
+                  "set ylabel 'ledger [mJ]'\nset xlabel 'time [s]'\nplot " +
+                  file + " using 1:5 with lines notitle\nunset multiplot\n";
     const auto drawn = gnuplot->draw(folder, figure);
     if (drawn) std::printf("drawn: %s\n", drawn->front().c_str());
   }

@@ -36,7 +36,7 @@ struct MapCell {
   double rendered_n_per_m = 0.0;
 };
 struct StabilityMap {
-  std::string stem;    ///< "map_rate_remote_virtual_coupling"
+  std::string stem;  ///< "map_rate_remote_virtual_coupling"
   std::string title;
   std::string x_label, y_label;
   std::vector<MapCell> cells;

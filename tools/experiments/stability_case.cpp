@@ -12,8 +12,8 @@ namespace tools {
 
 namespace {
 
-constexpr double kDeviceMassKg = 0.041;  // of phantom_desktop
-constexpr double kBoxEdgeM = 0.02;       // of a moving body, at scale 1
+constexpr double kDeviceMassKg = 0.041;                    // of phantom_desktop
+constexpr double kBoxEdgeM = 0.02;                         // of a moving body, at scale 1
 constexpr double kSoftNPerM = 100.0, kStiffNPerM = 700.0;  // the presets light and firm
 constexpr double kPressForceN = 1.6;                       // standing still; above 1.75 N the motors get too warm
 constexpr double kRampS = 0.02;
@@ -87,13 +87,15 @@ std::string hand_map(const StabilityCase& each) {
       if (each.hand == StabilityHand::kNone) return "{type: none}";
       return text("{type: hold, position_m: [0, %.9g, 0], impedance: %s}", -each.depth_m, impedance);
     case StabilityTask::kFree:
-      return text("{type: push, start_m: [-0.02, 0.015, -0.01], direction: [1, 0.3, 0.5], distance_m: %.9g, "
-                  "speed_m_s: %.9g, start_s: %.9g, ramp_s: %g, impedance: %s}",
-                  each.height_m, each.speed_m_s, start_s, kRampS, impedance);
+      return text(
+          "{type: push, start_m: [-0.02, 0.015, -0.01], direction: [1, 0.3, 0.5], distance_m: %.9g, "
+          "speed_m_s: %.9g, start_s: %.9g, ramp_s: %g, impedance: %s}",
+          each.height_m, each.speed_m_s, start_s, kRampS, impedance);
     case StabilityTask::kBlock:
-      return text("{type: push, start_m: [0, 0, %.9g], direction: [0, 0, -1], distance_m: %.9g, speed_m_s: %.9g, "
-                  "start_s: %.9g, ramp_s: %g, impedance: %s}",
-                  each.height_m, each.height_m + each.depth_m, each.speed_m_s, start_s, kRampS, impedance);
+      return text(
+          "{type: push, start_m: [0, 0, %.9g], direction: [0, 0, -1], distance_m: %.9g, speed_m_s: %.9g, "
+          "start_s: %.9g, ramp_s: %g, impedance: %s}",
+          each.height_m, each.height_m + each.depth_m, each.speed_m_s, start_s, kRampS, impedance);
     case StabilityTask::kPress:
     case StabilityTask::kRub:
     case StabilityTask::kStack:
@@ -104,13 +106,16 @@ std::string hand_map(const StabilityCase& each) {
   }
   const double aside = each.task == StabilityTask::kRub ? 1.0 : 0.0;
   const double way_m = (each.height_m + each.depth_m) * std::hypot(1.0, aside);
-  return text("{type: push, start_m: [%.9g, %.9g, 0], direction: [%g, -1, 0], distance_m: %.9g, speed_m_s: %.9g, "
-              "start_s: %.9g, ramp_s: %g, impedance: %s}",
-              -0.5 * aside * each.height_m, each.height_m, aside, way_m, each.speed_m_s, start_s, kRampS, impedance);
+  return text(
+      "{type: push, start_m: [%.9g, %.9g, 0], direction: [%g, -1, 0], distance_m: %.9g, speed_m_s: %.9g, "
+      "start_s: %.9g, ramp_s: %g, impedance: %s}",
+      -0.5 * aside * each.height_m, each.height_m, aside, way_m, each.speed_m_s, start_s, kRampS, impedance);
 }
 
 /// The proxy has a radius where bodies move; its surface is at the hand's zero.
-double radius_m(const StabilityCase& each) { return each.moves_bodies() ? std::min(1.0, 0.25 * kBoxEdgeM * each.scale) : 0.0; }
+double radius_m(const StabilityCase& each) {
+  return each.moves_bodies() ? std::min(1.0, 0.25 * kBoxEdgeM * each.scale) : 0.0;
+}
 
 std::string scene_map(const StabilityCase& each) {
   const double s = each.scale;
@@ -124,9 +129,10 @@ std::string scene_map(const StabilityCase& each) {
     for (int i = 0; i < boxes; ++i) {
       const double mass_kg = i % 2 == 0 ? each.proxy_kg * each.body_ratio : each.proxy_kg;
       const double z_m = each.task == StabilityTask::kBlock ? -0.5 * edge_m - radius_m(each) : 0.0;
-      out += text(", {name: box%d, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, "
-                  "position_m: [0, %.9g, %.9g], friction: %.9g}",
-                  i, mass_kg, 2.0 * edge_m, edge_m, edge_m, (i + 0.5) * edge_m, z_m, each.friction);
+      out += text(
+          ", {name: box%d, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, "
+          "position_m: [0, %.9g, %.9g], friction: %.9g}",
+          i, mass_kg, 2.0 * edge_m, edge_m, edge_m, (i + 0.5) * edge_m, z_m, each.friction);
     }
     return out + "]}";
   }
@@ -139,8 +145,8 @@ std::string scene_map(const StabilityCase& each) {
     shape = text("box: {size_m: [%.9g, %.9g, %.9g]}", 0.1 * s, 0.1 * s, 0.1 * s);
     y_m = -0.05 * s;
   }
-  return out + text("{name: wall, type: static, shape: {%s}, position_m: [0, %.9g, 0], friction: %.9g}]}", shape.c_str(),
-                    y_m, each.friction);
+  return out + text("{name: wall, type: static, shape: {%s}, position_m: [0, %.9g, 0], friction: %.9g}]}",
+                    shape.c_str(), y_m, each.friction);
 }
 
 std::string mapping_map(const StabilityCase& each) {
@@ -221,11 +227,12 @@ std::vector<std::string> assignments_of(const StabilityCase& each) {
     out.push_back(text("physics.throttle_hz=%.9g", each.physics_hz));
   }
   const std::string limits = each.stiff_device ? ", limits: {max_stiffness_n_per_m: 20000, max_slew_n_per_ms: 30}" : "";
-  const std::string start =
-      each.task == StabilityTask::kDeep && each.hand == StabilityHand::kNone
-          ? text(", start_position_m: [0, %.9g, 0]", -each.depth_m) : "";
+  const std::string start = each.task == StabilityTask::kDeep && each.hand == StabilityHand::kNone
+                                ? text(", start_position_m: [0, %.9g, 0]", -each.depth_m)
+                                : "";
   out.push_back(text("haptic.0.device={schema: device/1, driver: simulated, model: %s, mechanics: {position_quantum_m: "
-                     "%.9g}%s%s, hand: ", StabilityEnvelope::kDevice, each.quantum_m, limits.c_str(), start.c_str()) +
+                     "%.9g}%s%s, hand: ",
+                     StabilityEnvelope::kDevice, each.quantum_m, limits.c_str(), start.c_str()) +
                 hand_map(each) + "}");
   out.push_back(text("haptic.0.rate_hz=%.9g", each.haptic_hz));
   out.push_back("haptic.0.method=" + each.method);
@@ -267,14 +274,15 @@ StabilityCase direct_reference(const StabilityCase& each, double stiffness_n_per
 }
 
 std::string describe(const StabilityCase& each) {
-  return text("%s%s %s hand %s: K %.4g N/m, B %.3g N s/m, physics %.4g Hz, loop %.5g Hz, proxy %.3g kg, body x%.3g, "
-              "friction %.2f, quantum %.3g um, scale %.3g, %.2g m/s, height %.3g mm, depth %.3g mm, jitter %.3g ms, lost "
-              "%.2g, pauses %.3g/%.3g s%s",
-              each.method.c_str(), each.paper ? " (paper)" : "", to_string(each.task), to_string(each.hand),
-              each.stiffness_n_per_m, each.damping_n_s_per_m, each.physics_hz, each.haptic_hz, each.proxy_kg,
-              each.body_ratio, each.friction, each.quantum_m * 1e6, each.scale, each.speed_m_s, each.height_m * 1e3,
-              each.depth_m * 1e3, each.jitter_s * 1e3, each.lost_share, each.loop_pause_s, each.physics_pause_s,
-              each.envelope ? ", in the envelope" : "");
+  return text(
+      "%s%s %s hand %s: K %.4g N/m, B %.3g N s/m, physics %.4g Hz, loop %.5g Hz, proxy %.3g kg, body x%.3g, "
+      "friction %.2f, quantum %.3g um, scale %.3g, %.2g m/s, height %.3g mm, depth %.3g mm, jitter %.3g ms, lost "
+      "%.2g, pauses %.3g/%.3g s%s",
+      each.method.c_str(), each.paper ? " (paper)" : "", to_string(each.task), to_string(each.hand),
+      each.stiffness_n_per_m, each.damping_n_s_per_m, each.physics_hz, each.haptic_hz, each.proxy_kg, each.body_ratio,
+      each.friction, each.quantum_m * 1e6, each.scale, each.speed_m_s, each.height_m * 1e3, each.depth_m * 1e3,
+      each.jitter_s * 1e3, each.lost_share, each.loop_pause_s, each.physics_pause_s,
+      each.envelope ? ", in the envelope" : "");
 }
 
 }  // namespace tools

@@ -50,7 +50,7 @@ struct StabilityCase {
   StabilityShape shape = StabilityShape::kPlane;
   double stiffness_n_per_m = 200.0;  ///< As asked for.
   double damping_n_s_per_m = 0.0;
-  bool stiff_device = false;  ///< The device allows 20 000 N/m and 30 N/ms: only mass and rate lower the stiffness.
+  bool stiff_device = false;   ///< The device allows 20 000 N/m and 30 N/ms: only mass and rate lower the stiffness.
   double physics_hz = 1000.0;  ///< Throttled: one full period of latency.
   double haptic_hz = 1000.0;
   double proxy_kg = 0.1;

@@ -70,9 +70,9 @@ std::string script(const StabilityMap& map) {
   out += "set xrange [" + number(low) + ":" + number(high) + "]\nplot ";
   const std::string file = gnuplot_quoted(map.stem + ".tsv");
   for (const Look& look : looks) {
-    out += (&look == &looks.front() ? "" : ", \\\n     ") + file + " using 1:($3==" +
-           std::to_string(static_cast<int>(look.outcome)) + "?$2:NaN) with points " + look.style + " title " +
-           gnuplot_quoted(look.title);
+    out += (&look == &looks.front() ? "" : ", \\\n     ") + file +
+           " using 1:($3==" + std::to_string(static_cast<int>(look.outcome)) + "?$2:NaN) with points " + look.style +
+           " title " + gnuplot_quoted(look.title);
   }
   int dash = 1;
   for (const auto& [function, title] : map.lines) {
@@ -111,7 +111,10 @@ std::vector<StabilityMap> run_maps(const StabilityOptions& options, int jobs,
       const std::string name(law.name);
       StabilityMap map{"map_rate_" + name + (paper ? "_paper" : ""),
                        name + (paper ? ", as published" : "") + ": worst of no, soft and stiff hand, 1 kHz, B = K·1 ms",
-                       "rate of physics [Hz], delivered one period late", "stiffness asked for [N/m]", {}, {}};
+                       "rate of physics [Hz], delivered one period late",
+                       "stiffness asked for [N/m]",
+                       {},
+                       {}};
       // Age of what is held: a period until it is there, half a period on the average after that.
       map.lines = {{number(2.0 * kViscousNSPerM / kPeriodS), "K = 2b/T (passivity, B = 0)"},
                    {number(kViscousNSPerM) + "/(" + number(0.5 * kPeriodS) + "+1.5/x)",
@@ -123,13 +126,16 @@ std::vector<StabilityMap> run_maps(const StabilityOptions& options, int jobs,
   for (const char* const name : {"direct", StabilityEnvelope::kMethod}) {
     StabilityMap map{std::string("map_damping_") + name,
                      std::string(name) + ": worst of no, soft and stiff hand, loop and physics at 1 kHz",
-                     "damping asked for [N s/m]", "stiffness asked for [N/m]", {}, {}};
+                     "damping asked for [N s/m]",
+                     "stiffness asked for [N/m]",
+                     {},
+                     {}};
     const double delay_s = std::string(name) == "direct" ? 0.0 : 1.5e-3;
-    map.lines = {{"(" + number(kViscousNSPerM) + ">x?2*(" + number(kViscousNSPerM) + "-x)/" + number(kPeriodS) + ":NaN)",
-                  "K = 2(b - B)/T (passivity)"},
-                 {"(" + number(kViscousNSPerM) + "+x)/" + number(0.5 * kPeriodS + delay_s),
-                  "K = (b + B)/(T/2 + t_d) (linear)"},
-                 {"4100", "rendered at most at 1 kHz"}};
+    map.lines = {
+        {"(" + number(kViscousNSPerM) + ">x?2*(" + number(kViscousNSPerM) + "-x)/" + number(kPeriodS) + ":NaN)",
+         "K = 2(b - B)/T (passivity)"},
+        {"(" + number(kViscousNSPerM) + "+x)/" + number(0.5 * kPeriodS + delay_s), "K = (b + B)/(T/2 + t_d) (linear)"},
+        {"4100", "rendered at most at 1 kHz"}};
     add(std::move(map), name, false, damping, false);
   }
 

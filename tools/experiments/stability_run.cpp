@@ -114,9 +114,9 @@ class Watch {
     const std::size_t late = n - std::max<std::size_t>(1, n / 4);
     out_.swing_n = median(late, n, [](const Window& w) { return w.force_n.size(); });
     out_.swing_m = median(late, n, [](const Window& w) { return w.tip_m.size(); });
-    const double before_j = std::min(
-        motion_ledger_j_,
-        late > 0 ? *std::min_element(ledgers_j_.begin(), ledgers_j_.begin() + static_cast<long>(late)) : 0.0);
+    const double before_j =
+        std::min(motion_ledger_j_,
+                 late > 0 ? *std::min_element(ledgers_j_.begin(), ledgers_j_.begin() + static_cast<long>(late)) : 0.0);
     const double after_j = *std::min_element(ledgers_j_.begin() + static_cast<long>(late), ledgers_j_.end());
     out_.debt_growth_j = before_j - after_j;
     if (out_.nonfinite + out_.above_limit > 0) {
@@ -154,7 +154,8 @@ class Watch {
   template <class Value>
   [[nodiscard]] double median(std::size_t from, std::size_t to, Value value) const {
     std::vector<double> values;
-    for (std::size_t i = from; i < std::max(to, from + 1) && i < windows_.size(); ++i) values.push_back(value(windows_[i]));
+    for (std::size_t i = from; i < std::max(to, from + 1) && i < windows_.size(); ++i)
+      values.push_back(value(windows_[i]));
     if (values.empty()) return 0.0;
     const auto middle = values.begin() + static_cast<long>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
@@ -171,8 +172,7 @@ class Watch {
   std::uint64_t ticks_ = 0;
   double last_n_ = 0.0;
   Vector3d last_tip_ = Vector3d::Zero();
-  double clamp_run_s_ = 0.0, debt_run_s_ = 0.0, window_ledger_j_ = 0.0,
-         motion_ledger_j_ = 0.0;
+  double clamp_run_s_ = 0.0, debt_run_s_ = 0.0, window_ledger_j_ = 0.0, motion_ledger_j_ = 0.0;
   Window window_;
   std::vector<Window> windows_;
   std::vector<double> ledgers_j_;
@@ -235,7 +235,8 @@ StabilityResult run_case(const StabilityCase& each, const std::string& session_f
   const double began_s = cpu_now_s();
   try {
     simulate(each, session_file, extra, trace, out);
-    const bool oscillates = out.outcome == StabilityOutcome::kDiverged && out.clamped_s <= kClampBarS && out.law_nonfinite == 0;
+    const bool oscillates =
+        out.outcome == StabilityOutcome::kDiverged && out.clamped_s <= kClampBarS && out.law_nonfinite == 0;
     if (reference && oscillates && !each.moves_bodies() && each.method != "direct") {
       StabilityResult direct;
       simulate(direct_reference(each, out.rendered_n_per_m, out.rendered_n_s_per_m), session_file, {}, nullptr, direct);

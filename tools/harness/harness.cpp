@@ -62,7 +62,8 @@ bool Harness::physics_silent(std::uint64_t now_ns) const noexcept {
 
 bool Harness::loop_stands(std::uint64_t now_ns) const noexcept {
   const double t = rtbus::seconds_between(kStart_ns, now_ns);
-  return options_.loop_stops_s >= 0.0 && t >= options_.loop_stops_s && t < options_.loop_stops_s + options_.loop_pause_s;
+  return options_.loop_stops_s >= 0.0 && t >= options_.loop_stops_s &&
+         t < options_.loop_stops_s + options_.loop_pause_s;
 }
 
 void Harness::step_physics(std::uint64_t begin_ns) {

@@ -31,9 +31,9 @@ struct HarnessOptions {
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
   double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
   double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.
-  double loop_stops_s = -1.0;       ///< The loop stands still from then on (a pause of the machine); negative: never …
-  double loop_pause_s = 0.0;        ///< … for so long.
-  std::uint64_t link_seed = 1;      ///< Of jitter and losses: one seed, one run.
+  double loop_stops_s = -1.0;   ///< The loop stands still from then on (a pause of the machine); negative: never …
+  double loop_pause_s = 0.0;    ///< … for so long.
+  std::uint64_t link_seed = 1;  ///< Of jitter and losses: one seed, one run.
 };
 
 /// The haptic nodes of a session with their physics, stepped by hand. What is said of "the" node is said of the first.
