@@ -41,7 +41,7 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       // In 1 ms steps: two processes that follow each other get different ones. Fixed where runs must repeat.
       mapping_(config.mapping, measure ? static_cast<std::uint32_t>(rtbus::monotonic_ns() >> 20) : 1),
       renderer_(make_renderer(config, mapping_)),
-      velocity_(config.velocity_cutoff_hz),
+      velocity_(config.velocity),
       safety_(config.safety),
       monitor_(config.link),
       force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {
@@ -75,9 +75,16 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
     proxy_.valid = news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch() &&
                    news.device_time_ns >= enabled_ns_ && news.device_time_ns <= now_ns &&
                    to_vector(news.position_m).allFinite() && to_vector(news.velocity_m_s).allFinite() &&
-                   to_vector(news.hand_force_n).allFinite();
+                   to_vector(news.hand_force_n).allFinite() && to_vector(news.coupling_force_n).allFinite();
+    if (!proxy_.valid) proxy_step_ = 0;
     if (proxy_.valid) {
       proxy_.fresh = true;
+      const Eigen::Vector3d way_m = mapping_.position_to_device(to_vector(news.position_m)) - proxy_.position_m;
+      const double work_j = -mapping_.force_to_device(to_vector(news.coupling_force_n)).dot(way_m);
+      // Over a gap the force is that of the last step alone: what it says the world gave is not believed.
+      const bool whole = news.step_index == proxy_step_ + 1;
+      proxy_.work_j = proxy_step_ == 0 ? 0.0 : whole ? work_j : std::min(0.0, work_j);
+      proxy_step_ = news.step_index;
       proxy_.sequence = proxy_news_.sequence;
       proxy_.device_time_ns = news.device_time_ns;
       proxy_.arrived_ns = now_ns;
@@ -107,6 +114,7 @@ void Loop::follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t button
     // The hand is somewhere else now; the tool has waited. Whatever spring was stretched in between is forgotten.
     mapping_.rebase(position_m, clutch_position_W_);
     proxy_.valid = false;
+    proxy_step_ = 0;
     renderer_->reset();
     note(LoopEvent::kReleased);
   }
@@ -180,6 +188,7 @@ void Loop::enable_edge(bool enabled, std::uint64_t sample_ns) noexcept {
     mapping_.renew();
     enabled_ns_ = sample_ns;
     proxy_.valid = false;
+    proxy_step_ = 0;
     renderer_->reset();
   }
   enabled_ = enabled;
@@ -224,6 +233,7 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   wish.force_n = rendered.force_n;
   wish.position_m = position_m;
   wish.velocity_m_s = input.velocity_m_s;
+  wish.world_work_j = config_.safety.passivity.books_world && proxy_.fresh ? proxy_.work_j : 0.0;
   wish.dt_s = dt_s_;
   wish.now_ns = now_ns;
   wish.sample_time_ns = sample_.time_ns;

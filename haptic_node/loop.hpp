@@ -106,7 +106,8 @@ class Loop {
   SafetyLadder safety_;
   LinkMonitor monitor_;
 
-  ProxyView proxy_;  ///< Newest proxy, at the device.
+  ProxyView proxy_;               ///< Newest proxy, at the device.
+  std::uint64_t proxy_step_ = 0;  ///< Its step_index; 0: none since the last beginning.
   rtbus::Stamped<rtbus::ProxyState> proxy_news_;
   rtbus::Stamped<rtbus::Heartbeat> beat_news_;
   drivers::DeviceSample sample_;

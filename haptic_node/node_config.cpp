@@ -20,6 +20,8 @@ constexpr double kSlewHandSpeed_m_s = 0.6;
 constexpr double kStiffnessPerMassRate2 = 0.1;
 /// A sampled damper is stable for B·T < 2m without a filter; the velocity filter adds its own delay 1/(2π·cutoff).
 constexpr double kDampingPerMassRate = 0.25;
+/// What the passivity damper may make of one encoder step.
+constexpr double kDamperNoise_n = 0.05;
 /// More shapes than these cost `direct` more than some microseconds in a tick.
 constexpr std::size_t kMaxDirectShapes = 32;
 
@@ -96,7 +98,14 @@ void read_safety(Map& entry, HapticConfig& out) {
   // A law without a spring stores nothing, and still may not give what it has not got.
   passivity.debt_floor_j = safety.max_force_n * 1e-3;
   // A tenth of m/T: the injected damper stays well inside its own sampled-data limit (2m/T) and its noise small.
-  passivity.damping_max_n_s_per_m = 0.1 * device.apparent_mass_kg * out.rate_hz;
+  // One encoder step must not make more of it than anybody feels.
+  const double noise_m_s = device.position_quantum_m * 2.0 * std::numbers::pi * out.velocity_cutoff_hz;
+  passivity.damping_max_n_s_per_m = std::min(0.1 * device.apparent_mass_kg * out.rate_hz,
+                                             kDamperNoise_n / std::max(noise_m_s, 1e-9));
+  passivity.stiffness_n_per_m = out.stiffness_n_per_m;
+  passivity.books_world = find_renderer(out.method)->books_world;
+  passivity.noise_speed_m_s = 2.0 * noise_m_s;
+  passivity.allowance_n_s_per_m = kDampingPerMassRate * device.apparent_mass_kg * out.rate_hz;
   passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
   passivity.coulomb_friction_n = device.coulomb_friction_n;
   passivity.position_quantum_m = device.position_quantum_m;
@@ -199,7 +208,11 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
 
   read_method(entry, *method, out);
 
+  out.velocity.adaptive =
+      entry.choice("velocity_estimator", {"low_pass", "adaptive_window"}, "low_pass") == "adaptive_window";
+  out.velocity.quantum_m = device.position_quantum_m;
   out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
+  out.velocity.cutoff_hz = out.velocity_cutoff_hz;
   auto coupling = entry.map("coupling");
   out.stiffness_requested_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
   out.damping_requested_n_s_per_m = coupling.number("damping_n_s_per_m", {0.0, 1e3}, 0.0);

@@ -9,6 +9,7 @@
 #include "haptic_node/link_monitor.hpp"
 #include "haptic_node/mapping.hpp"
 #include "haptic_node/safety.hpp"
+#include "haptic_node/velocity.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/config/link.hpp"
 #include "rtbus/config/session.hpp"
@@ -35,6 +36,7 @@ struct HapticConfig {
   int clutch_button = -1;  ///< −1: no clutch.
   int enable_button = -1;  ///< −1: forces act from the start; else only while this button is held.
   double velocity_cutoff_hz = 100.0;
+  VelocityConfig velocity;
   SafetyConfig safety;
   LinkMonitorConfig link;
   bool realtime_enforce = false;

@@ -166,9 +166,11 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   const double thermal_n = thermal_limit_n();
   force = clamp(force, thermal_n, kThermalLimited, out.acted);
 
-  bool damped = false;
+  bool limited = false, damped = false;
+  passivity_.give(checked.world_work_j);
+  force = passivity_.limit(force, checked.velocity_m_s, limited);
   if (out.gate > 0.0) force = passivity_.control(force, checked.velocity_m_s, checked.dt_s, damped);
-  if (damped) out.acted |= kPassivity;
+  if (limited || damped) out.acted |= kPassivity;
   force = clamp(force, std::min(config_.max_force_n, thermal_n), kClamped, out.acted);
 
   const double since_s = last_cycle_ns_ == 0 ? checked.dt_s : rtbus::seconds_between(last_cycle_ns_, checked.now_ns);

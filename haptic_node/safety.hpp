@@ -51,6 +51,7 @@ struct SafetyInput {
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();       ///< From the force law, in D.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DT.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DT, estimated.
+  double world_work_j = 0.0;  ///< What the world has put into the coupling at the proxy, since the cycle before.
   double dt_s = 0.0;                                       ///< Period of the loop.
   std::uint64_t now_ns = 0;                                ///< Of this cycle: when its force will act.
   std::uint64_t sample_time_ns = 0;  ///< When position_m was measured; the same as before: nothing new.

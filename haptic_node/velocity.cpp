@@ -1,33 +1,56 @@
 #include "haptic_node/velocity.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 
 #include "rtbus/clock.hpp"
 
 namespace haptic {
 
-VelocityEstimator::VelocityEstimator(double cutoff_hz) noexcept
-    : time_constant_s_(1.0 / (2.0 * std::numbers::pi * cutoff_hz)) {}
+VelocityEstimator::VelocityEstimator(const VelocityConfig& config) noexcept
+    : config_(config), time_constant_s_(1.0 / (2.0 * std::numbers::pi * config.cutoff_hz)) {}
 
 const Eigen::Vector3d& VelocityEstimator::update(const Eigen::Vector3d& position_m, std::uint64_t time_ns) noexcept {
-  if (!primed_) {
-    primed_ = true;
-    position_m_ = position_m;
-    time_ns_ = time_ns;
-    return velocity_m_s_;
-  }
-  const double elapsed_s = rtbus::seconds_between(time_ns_, time_ns);
+  const Sample before = back(0);
+  const double elapsed_s = kept_ == 0 ? 1.0 : rtbus::seconds_between(before.time_ns, time_ns);
   if (elapsed_s <= 0.0) return velocity_m_s_;
-  // Backward Euler of the low-pass: stable for any pause between samples, and exact in the limit of a long one.
-  const double weight = elapsed_s / (elapsed_s + time_constant_s_);
-  velocity_m_s_ += weight * ((position_m - position_m_) / elapsed_s - velocity_m_s_);
-  position_m_ = position_m;
-  time_ns_ = time_ns;
+  newest_ = (newest_ + 1) % kWindow;
+  samples_[newest_] = {time_ns, position_m};
+  kept_ = std::min(kept_ + 1, kWindow);
+  if (kept_ == 1) return velocity_m_s_;
+  if (config_.adaptive) {
+    for (int axis = 0; axis < 3; ++axis) velocity_m_s_[axis] = window_velocity(axis);
+  } else {
+    // Backward Euler of the low-pass: stable for any pause between samples, and exact in the limit of a long one.
+    const double weight = elapsed_s / (elapsed_s + time_constant_s_);
+    velocity_m_s_ += weight * ((position_m - before.position_m) / elapsed_s - velocity_m_s_);
+  }
   return velocity_m_s_;
 }
 
+double VelocityEstimator::window_velocity(int axis) const noexcept {
+  const Sample& now = back(0);
+  // Each sample is off by half a step at most; so is the line through two of them.
+  const double band_m = config_.quantum_m * (1.0 + 1e-9);
+  double slope = 0.0;
+  for (std::size_t n = 1; n < kept_; ++n) {
+    const Sample& end = back(n);
+    const double candidate =
+        (now.position_m[axis] - end.position_m[axis]) / rtbus::seconds_between(end.time_ns, now.time_ns);
+    bool fits = true;
+    for (std::size_t i = 1; i < n && fits; ++i) {
+      const double line_m = now.position_m[axis] - candidate * rtbus::seconds_between(back(i).time_ns, now.time_ns);
+      fits = std::abs(back(i).position_m[axis] - line_m) <= band_m;
+    }
+    if (!fits) break;
+    slope = candidate;
+  }
+  return slope;
+}
+
 void VelocityEstimator::reset() noexcept {
-  primed_ = false;
+  kept_ = 0;
   velocity_m_s_.setZero();
 }
 

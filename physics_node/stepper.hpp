@@ -48,8 +48,8 @@ class Stepper {
   ///
   /// With `lead_steps` the target is the device's position moved on by lead_steps·dt_s at its velocity. The loop that
   /// feels the proxy has it a while later and meanwhile moves on; of a proxy that moves at v with the device it feels
-  /// K·v·age more than the world received. A lead as long as the mean age (0.5 steps, throttled 1.5) makes the two
-  /// equal again.
+  /// K·v·age more than the world received. A lead as long as that (remote_virtual_coupling: 1 step,
+  /// throttled 2) makes the two equal again.
   void step(double dt_s, int substeps);
 
   /// What became of the proxy in the last step. `step_compute_s` is left 0: this class measures nothing.

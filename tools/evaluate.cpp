@@ -14,6 +14,7 @@
 #include "tools/experiments/faults.hpp"
 #include "tools/experiments/overhead.hpp"
 #include "tools/experiments/soft.hpp"
+#include "tools/experiments/stability.hpp"
 #include "tools/experiments/stack.hpp"
 #include "tools/experiments/work_precision.hpp"
 #include "tools/find_config.hpp"
@@ -31,6 +32,11 @@ struct EvaluateOptions {
   std::vector<std::string> assignments;
   bool quick = false;
   bool json = false;
+  // Of stability alone:
+  std::uint64_t seed = 1;
+  std::size_t cases = 0;  ///< 0: the experiment's own number.
+  int jobs = 0;           ///< 0: one per core.
+  std::optional<std::uint64_t> one_case;
 };
 
 /// One experiment. Throws rtbus::config::Error when what the user asked for cannot be.
@@ -78,6 +84,21 @@ void run_work_precision(const EvaluateOptions& options, Experiment& experiment) 
   evaluate_work_precision(precision, experiment);
 }
 
+StabilityOptions stability_of(const EvaluateOptions& options) {
+  StabilityOptions stability;
+  stability.session_file = session_of(options, "wall.yaml");
+  stability.assignments = options.assignments;
+  stability.first_seed = options.seed;
+  stability.cases = options.cases != 0 ? options.cases : options.quick ? 2'000 : 100'000;
+  stability.jobs = options.jobs;
+  stability.fine_maps = !options.quick;
+  return stability;
+}
+
+void run_stability(const EvaluateOptions& options, Experiment& experiment) {
+  evaluate_stability(stability_of(options), experiment);
+}
+
 void run_faults(const EvaluateOptions& options, Experiment& experiment) {
   FaultsOptions faults;
   faults.session_file = session_of(options, "wall_own_plant.yaml");
@@ -97,6 +118,7 @@ constexpr std::array kExperiments{
     Row{"stack", "a push into 125, 250 and 500 cubes (Figs 12 to 16, Table I)", false, true, &run_stack},
     Row{"soft", "five soft bodies touched (Figs 17 to 19)", true, true, &run_soft},
     Row{"work-precision", "force error against run time", false, true, &run_work_precision},
+    Row{"stability", "seeded cases from easy to absurd, and maps", true, true, &run_stability},
     Row{"faults", "what the hand feels when something dies", true, false, &run_faults},
     Row{"overhead", "what each optional part costs", false, false, &run_overhead},
 };
@@ -113,6 +135,9 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
                                  (row.takes_config ? "; write a session file and name it with --config" : ""));
     }
     Experiment experiment("evaluate", name, command_line, std::filesystem::path(options.out) / name);
+    if (options.one_case && row.run == &run_stability) {
+      return show_stability_case(stability_of(options), *options.one_case, experiment.folder());
+    }
     row.run(options, experiment);
     return experiment.finish(options.json);
   } catch (const rtbus::config::Error& error) {
@@ -179,9 +204,15 @@ Action add_evaluate(CLI::App& command) {
   command.add_option("--config", options->config, "Session file; default: the experiment's own");
   command.add_option("--out", options->out, "Folder for the results")->capture_default_str();
   command.add_flag("--json", options->json, "Print summary.json instead of tables");
+  command.add_option("--seed", options->seed, "stability: number of the first case")->capture_default_str();
+  command.add_option("--cases", options->cases, "stability: how many [100000; with --quick 2000]");
+  command.add_option("--jobs", options->jobs, "stability: processes at a time [one per core]");
+  command.add_option("--case", options->one_case, "stability: this case alone, with a figure of force and position");
   return [options] {
     std::string line = "rtbus evaluate " + options->experiment;
     if (options->quick) line += " --quick";
+    if (options->experiment == "stability") line += " --seed " + std::to_string(options->seed);
+    if (options->cases != 0) line += " --cases " + std::to_string(options->cases);
     for (const std::string& text : options->assignments) line += " --set " + text;
     return evaluate(*options, line);
   };

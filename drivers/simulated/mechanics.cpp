@@ -35,6 +35,7 @@ void Mechanics::reset(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
   script_running_ = false;
   force_n_.setZero();
   hand_force_n_.setZero();
+  actuator_work_j_ = 0.0;
   force_expires_ns_ = kNever;
   timed_out_ = true;
   skipped_ns_ = 0;
@@ -154,6 +155,7 @@ void Mechanics::stop_at_ends() noexcept RTBUS_NONBLOCKING {
 }
 
 void Mechanics::remember() noexcept RTBUS_NONBLOCKING {
+  actuator_work_j_ += force_n_.dot(position_m_ - history_m_[steps_ % kHistory]);
   ++steps_;
   history_m_[steps_ % kHistory] = position_m_;
 }

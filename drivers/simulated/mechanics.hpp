@@ -90,6 +90,8 @@ class Mechanics {
   [[nodiscard]] const Eigen::Vector3d& applied_force_n() const noexcept { return force_n_; }
   /// The hand's force on the tip over the last step, the inertia of the hand's mass included.
   [[nodiscard]] const Eigen::Vector3d& hand_force_n() const noexcept { return hand_force_n_; }
+  /// Work of the actuator's force on the tip since reset() [J], over the way that the tip really went.
+  [[nodiscard]] double actuator_work_j() const noexcept { return actuator_work_j_; }
   [[nodiscard]] std::uint32_t buttons() const noexcept { return hand_.buttons(elapsed_ns(time_ns_)); }
   /// True while the actuator is at zero because no force came in time (also before the first one).
   [[nodiscard]] bool timed_out() const noexcept { return timed_out_; }
@@ -122,6 +124,7 @@ class Mechanics {
   Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d hand_force_n_ = Eigen::Vector3d::Zero();
+  double actuator_work_j_ = 0.0;
   std::uint64_t force_expires_ns_ = kNever;
   bool timed_out_ = true;
   std::uint64_t skipped_ns_ = 0;

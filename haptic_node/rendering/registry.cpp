@@ -37,7 +37,7 @@ std::unique_ptr<Renderer> make_virtual_coupling(const RendererContext& context) 
 constexpr std::array kRenderers{
     RendererEntry{"direct", false, false, &make_direct},
     RendererEntry{"virtual_coupling", false, false, &make_virtual_coupling},
-    RendererEntry{"remote_virtual_coupling", true, false, &make_remote_virtual_coupling},
+    RendererEntry{"remote_virtual_coupling", true, false, &make_remote_virtual_coupling, ServerForce::kNone, true},
     RendererEntry{"interpolation", true, false, &make_interpolation, ServerForce::kPlain},
     RendererEntry{"interpolation_predicted", true, false, &make_interpolation_predicted, ServerForce::kPredicted},
 };

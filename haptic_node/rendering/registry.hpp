@@ -36,6 +36,7 @@ struct RendererEntry {
   bool needs_contacts;  ///< Physics is asked to publish ProxyContacts (rtbus/contact_messages.hpp); else it saves the work.
   std::unique_ptr<Renderer> (*make)(const RendererContext& context);
   ServerForce server_force = ServerForce::kNone;
+  bool books_world = false;  ///< Its spring ends at the proxy: the work that the world does there is booked as well.
 };
 
 [[nodiscard]] std::span<const RendererEntry> registered_renderers() noexcept;

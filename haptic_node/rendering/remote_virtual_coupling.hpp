@@ -7,6 +7,11 @@ namespace haptic {
 
 /// F = K(A − x) + B(V_A − v), A being the newest proxy that physics sent. The paper's form damps the absolute velocity
 /// (−B·v), which costs drag in free air; damping the relative one does not.
+///
+/// Where physics is slower than the loop, A moves to each new proxy in a straight line, over one of physics' periods,
+/// and V_A is its velocity on that line. A set-point that jumps is a step of the force with every answer, and rings the
+/// tip on its spring (decision 0009); the line costs half a period of delay on the average. The paper's form holds and
+/// jumps.
 class RemoteVirtualCoupling final : public Renderer {
  public:
   RemoteVirtualCoupling(double stiffness_n_per_m, double damping_n_s_per_m, bool paper = false) noexcept
@@ -15,12 +20,20 @@ class RemoteVirtualCoupling final : public Renderer {
   [[nodiscard]] std::string_view name() const noexcept override { return "remote_virtual_coupling"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return true; }
   [[nodiscard]] RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING override;
-  void reset() noexcept RTBUS_NONBLOCKING override {}
+  void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
 
  private:
   double stiffness_n_per_m_;
   double damping_n_s_per_m_;
+  void follow(const RenderInput& input) noexcept RTBUS_NONBLOCKING;
+
   bool paper_;
+  bool placed_ = false;           ///< at_m_ is meaningful.
+  double cycles_per_step_ = 1.0;  ///< Cycles that the way takes …
+  double cycle_ = 0.0;            ///< … and that have passed since the answer came.
+  Eigen::Vector3d from_m_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d at_m_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace haptic

@@ -20,6 +20,7 @@ struct ProxyView {
   double period_s = 0.0;             ///< Simulated time between this proxy and the one before it.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();      ///< p_DP: virtual object A of the paper's Fig. 5.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();    ///< v_DP.
+  double work_j = 0.0;  ///< What the world has put into the coupling at the proxy between the one before and this.
   Eigen::Vector3d server_force_n = Eigen::Vector3d::Zero();  ///< On the hand, as physics made it; zero unless ordered.
 };
 

@@ -2,6 +2,7 @@
 
 #include <time.h>
 
+#include <algorithm>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
@@ -81,6 +82,8 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
   for (std::size_t i = 0; i < session.haptic.size(); ++i) {
     hands_.push_back(
         std::make_unique<Hand>(haptic::read_haptic_config(session, i), session, kStart_ns, options.measure_cost));
+    hands_.back()->link.lost_share = options.lost_share;
+    hands_.back()->link.random = Random(options.link_seed + i);
     needs_physics = needs_physics || haptic::find_renderer(hands_.back()->config.method)->needs_physics;
   }
   if (session.physics && needs_physics) {
@@ -99,6 +102,12 @@ bool Harness::physics_silent(std::uint64_t now_ns) const noexcept {
   const double t = rtbus::seconds_between(kStart_ns, now_ns);
   return options_.physics_dies_s >= 0.0 && t >= options_.physics_dies_s &&
          (options_.physics_returns_s < 0.0 || t < options_.physics_returns_s);
+}
+
+bool Harness::loop_stands(std::uint64_t now_ns) const noexcept {
+  const double t = rtbus::seconds_between(kStart_ns, now_ns);
+  return options_.loop_stops_s >= 0.0 && t >= options_.loop_stops_s &&
+         t < options_.loop_stops_s + options_.loop_pause_s;
 }
 
 void Harness::step_physics(std::uint64_t begin_ns) {
@@ -127,6 +136,13 @@ void Harness::step_physics(std::uint64_t begin_ns) {
     answer.sequence = ++hands_[i]->proxies_sent;
     if (i == 0 && step_observer_) step_observer_(answer.value);
     answer.stamp_ns = published_ns + to_ns(options_.latency_s);
+    Link& link = hands_[i]->link;
+    if (options_.jitter_s > 0.0) {
+      answer.stamp_ns += to_ns(options_.jitter_s * link.random.fraction());
+      const auto& before = hands_[i]->under_way;
+      if (!before.empty()) answer.stamp_ns = std::max(answer.stamp_ns, before.back().stamp_ns);
+    }
+    if (options_.lost_share > 0.0 && link.random.fraction() < options_.lost_share) continue;
     hands_[i]->under_way.push_back(answer);
   }
 }
@@ -182,7 +198,7 @@ void Harness::run_all(double duration_s, const ObserverOfAll& observer) {
     now_ns_ = hand.next_tick_ns;
     hand.next_tick_ns += hand.config.period_ns();
     advance_physics(now_ns_);
-    if (hand.killed) continue;
+    if (hand.killed || loop_stands(now_ns_)) continue;
     cycle(hand);
     hand.heard_ns = now_ns_;
     const rtbus::Telemetry& telemetry = hand.loop->telemetry();

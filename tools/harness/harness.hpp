@@ -18,6 +18,7 @@
 #include "physics_node/stepper.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/histogram.hpp"
+#include "tools/random.hpp"
 
 namespace tools {
 
@@ -30,6 +31,11 @@ struct HarnessOptions {
   double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
   bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
+  double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
+  double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.
+  double loop_stops_s = -1.0;   ///< The loop stands still from then on (a pause of the machine); negative: never …
+  double loop_pause_s = 0.0;    ///< … for so long.
+  std::uint64_t link_seed = 1;  ///< Of jitter and losses: one seed, one run.
 };
 
 /// What a run of the harness took of the real machine. The simulated device is not counted: nobody has one.
@@ -71,6 +77,8 @@ class Harness {
   [[nodiscard]] const rtbus::DeviceState& device_state(std::size_t node = 0) const {
     return hands_.at(node)->loop->device_state();
   }
+  /// To look at: a SimulatedDevice knows where the tip really is and what the hand does.
+  [[nodiscard]] const drivers::Device& device(std::size_t node = 0) const { return *hands_.at(node)->device; }
   [[nodiscard]] std::size_t hands() const noexcept { return hands_.size(); }
   /// Null when the session has no physics that a node needs.
   [[nodiscard]] const physics::Stepper* stepper() const noexcept { return stepper_.get(); }
@@ -83,6 +91,7 @@ class Harness {
   /// The link of the simulated clock: newest state out, delayed answers in.
   struct Link final : haptic::PhysicsLink {
     void send(const rtbus::DeviceState& state, std::uint64_t) noexcept override {
+      if (lost_share > 0.0 && random.fraction() < lost_share) return;
       device.value = state;
       ++device.sequence;
     }
@@ -97,6 +106,8 @@ class Harness {
     rtbus::Stamped<rtbus::Heartbeat> beat;
     bool proxy_fresh = false;
     bool beat_fresh = false;
+    double lost_share = 0.0;
+    Random random;
   };
 
   /// One haptic node: device, loop, and its end of the link.
@@ -120,6 +131,7 @@ class Harness {
   void advance_physics(std::uint64_t now_ns);
   void step_physics(std::uint64_t begin_ns);
   [[nodiscard]] bool physics_silent(std::uint64_t now_ns) const noexcept;
+  [[nodiscard]] bool loop_stands(std::uint64_t now_ns) const noexcept;
 
   HarnessOptions options_;
   std::optional<physics::PhysicsConfig> physics_;

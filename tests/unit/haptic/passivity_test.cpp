@@ -148,4 +148,67 @@ TEST(Passivity, OnlyObservesWhenControlIsOff) {
   EXPECT_FALSE(acted);
 }
 
+PassivityConfig sprung() {
+  PassivityConfig config = strict();
+  config.stiffness_n_per_m = 1000.0;
+  config.books_world = true;
+  config.allowance_n_s_per_m = 4.0;
+  config.noise_speed_m_s = 0.03;
+  return config;
+}
+
+TEST(Passivity, ShortensAForceToItsEnergy) {
+  Passivity passivity(sprung());
+  bool acted = false;
+  // Nothing in the ledger: 0.25 mJ are free, √(2·1000·0.25e-3) = 0.707 N.
+  const Eigen::Vector3d force = passivity.limit({0.0, 5.0, 0.0}, Eigen::Vector3d::Zero(), acted);
+  EXPECT_TRUE(acted);
+  EXPECT_NEAR(force.y(), std::sqrt(0.5), 1e-12);
+  EXPECT_EQ(force.x(), 0.0);
+}
+
+TEST(Passivity, LeavesAForceThatTheHandHasPaidFor) {
+  Passivity passivity(sprung());
+  Eigen::Vector3d tip(0.0, 0.1, 0.0);
+  passivity.observe(Eigen::Vector3d::Zero(), tip, 0.0);
+  // Into a spring of 1000 N/m by 2 mm, in steps of 1 um: 2 mJ, and 2 N at the end.
+  for (int k = 1; k <= 2000; ++k) {
+    tip.y() -= 1e-6;
+    passivity.observe({0.0, 1000.0 * 1e-6 * (k - 0.5), 0.0}, tip, 0.001);
+  }
+  bool acted = true;
+  EXPECT_EQ(passivity.limit({0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), acted).y(), 2.0);
+  EXPECT_FALSE(acted);
+}
+
+TEST(Passivity, LetsAForceAgainstTheMotionTakeEnergyIn) {
+  Passivity passivity(sprung());
+  bool acted = false;
+  const Eigen::Vector3d into_it = passivity.limit({0.0, 5.0, 0.0}, {0.0, -0.53, 0.0}, acted);
+  EXPECT_NEAR(into_it.y(), std::sqrt(0.5) + 4.0 * 0.5, 1e-9);
+  const Eigen::Vector3d along = passivity.limit({0.0, 5.0, 0.0}, {0.0, 0.53, 0.0}, acted);
+  EXPECT_NEAR(along.y(), std::sqrt(0.5), 1e-9);
+  const Eigen::Vector3d noise = passivity.limit({0.0, 5.0, 0.0}, {0.0, -0.02, 0.0}, acted);
+  EXPECT_NEAR(noise.y(), std::sqrt(0.5), 1e-9);
+}
+
+TEST(Passivity, SpendsWhatTheWorldGives) {
+  Passivity passivity(sprung());
+  passivity.give(2e-3);
+  EXPECT_DOUBLE_EQ(passivity.ledger_j(), 2e-3);
+  bool acted = false;
+  EXPECT_EQ(passivity.limit({0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), acted).y(), 2.0);
+}
+
+// Physics may take energy out of the coupling before the hand has put it in. That makes no debt, and no profit later.
+TEST(Passivity, NeitherOwesNorEarnsWhatTheWorldBorrows) {
+  Passivity passivity(sprung());
+  passivity.give(-3e-3);
+  EXPECT_EQ(passivity.ledger_j(), 0.0);
+  passivity.give(3e-3);
+  EXPECT_EQ(passivity.ledger_j(), 0.0);
+  passivity.give(1e-3);
+  EXPECT_DOUBLE_EQ(passivity.ledger_j(), 1e-3);
+}
+
 }  // namespace

@@ -54,4 +54,50 @@ TEST(VelocityEstimator, AttenuatesEncoderNoise) {
   EXPECT_LT(worst, 0.010);
 }
 
+/// Largest error over the second half of 400 ms of `position(t)`, as the encoder rounds it.
+template <class Position, class Velocity>
+double worst_error(const haptic::VelocityConfig& config, Position position, Velocity velocity) {
+  VelocityEstimator estimator(config);
+  double worst = 0.0;
+  for (std::uint64_t k = 0; k < 400; ++k) {
+    const double t = static_cast<double>(k) * 1e-3;
+    const double shown = std::round(position(t) / 23e-6) * 23e-6;
+    estimator.update({shown, 0.0, 0.0}, k * kTick_ns);
+    if (k > 200) worst = std::max(worst, std::abs(estimator.velocity_m_s().x() - velocity(t)));
+  }
+  return worst;
+}
+constexpr haptic::VelocityConfig kLowPass{false, 100.0, 23e-6};
+constexpr haptic::VelocityConfig kAdaptive{true, 100.0, 23e-6};
+
+TEST(AdaptiveWindow, IsQuieterAtRestThanTheLowPass) {
+  // A tip that trembles over the edge of an encoder step.
+  const auto position = [](double t) { return 11.5e-6 + 2e-6 * std::sin(2.0 * M_PI * 37.0 * t); };
+  const auto still = [](double) { return 0.0; };
+  const double low_pass = worst_error(kLowPass, position, still);
+  const double adaptive = worst_error(kAdaptive, position, still);
+  RecordProperty("low_pass_mm_s", std::to_string(low_pass * 1e3));
+  RecordProperty("adaptive_mm_s", std::to_string(adaptive * 1e3));
+  EXPECT_GT(low_pass, 0.008);
+  EXPECT_LE(adaptive, 23e-6 / 1e-3 + 1e-12) << "never more than the raw difference";
+}
+
+TEST(AdaptiveWindow, LagsLessWhenTheHandIsFast) {
+  const auto position = [](double t) { return 0.02 * std::sin(2.0 * M_PI * 5.0 * t); };  // 0.63 m/s, 20 m/s2
+  const auto velocity = [](double t) { return 0.02 * 2.0 * M_PI * 5.0 * std::cos(2.0 * M_PI * 5.0 * t); };
+  const double low_pass = worst_error(kLowPass, position, velocity);
+  const double adaptive = worst_error(kAdaptive, position, velocity);
+  RecordProperty("low_pass_mm_s", std::to_string(low_pass * 1e3));
+  RecordProperty("adaptive_mm_s", std::to_string(adaptive * 1e3));
+  EXPECT_GT(low_pass, 0.025);
+  EXPECT_LT(adaptive, low_pass * 1.5);
+}
+
+TEST(AdaptiveWindow, IsExactAtConstantSpeedWithAnExactEncoder) {
+  VelocityEstimator estimator(haptic::VelocityConfig{true, 100.0, 0.0});
+  for (std::uint64_t k = 0; k < 100; ++k) estimator.update({0.3e-3 * static_cast<double>(k), 0.0, 0.0}, k * kTick_ns);
+  EXPECT_NEAR(estimator.velocity_m_s().x(), 0.3, 1e-9);
+  EXPECT_EQ(estimator.velocity_m_s().y(), 0.0);
+}
+
 }  // namespace

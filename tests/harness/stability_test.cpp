@@ -1,0 +1,112 @@
+/// Stability cases that went wrong once. tests/data/stability_seeds.tsv has the seeds and what they have to be now.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tools/experiments/parallel_cases.hpp"
+#include "tools/experiments/stability_run.hpp"
+
+namespace {
+
+using tools::StabilityOutcome;
+using tools::StabilityResult;
+
+const std::string kSession = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml";
+
+struct Seed {
+  std::uint64_t seed;
+  std::string outcome;  ///< "rest": settled, or on its way there; "bounded": finite and within the limit.
+  std::string why;
+};
+void PrintTo(const Seed& seed, std::ostream* out) { *out << seed.seed << ' ' << seed.outcome; }
+
+std::vector<Seed> seeds() {
+  std::vector<Seed> out;
+  std::ifstream file(std::string(RTBUS_SOURCE_DIR) + "/tests/data/stability_seeds.tsv");
+  for (std::string line; std::getline(file, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    std::istringstream fields(line);
+    Seed seed{};
+    fields >> seed.seed >> seed.outcome;
+    std::getline(fields, seed.why);
+    out.push_back(seed);
+  }
+  return out;
+}
+
+class PastSeed : public testing::TestWithParam<Seed> {};
+
+TEST_P(PastSeed, StaysMended) {
+  const tools::StabilityCase each = tools::draw_case(GetParam().seed);
+#if !RTBUS_WITH_BULLET
+  if (each.moves_bodies()) GTEST_SKIP() << "bullet is not built";
+#endif
+  const StabilityResult result = tools::run_case(each, kSession, {});
+  SCOPED_TRACE(describe(each) + ": " + result.error);
+  ASSERT_NE(result.outcome, StabilityOutcome::kFailed);
+  EXPECT_EQ(result.nonfinite, 0u);
+  EXPECT_EQ(result.above_limit, 0u);
+  if (GetParam().outcome != "rest") return;
+  EXPECT_TRUE(result.outcome == StabilityOutcome::kSettled || result.outcome == StabilityOutcome::kMoving)
+      << to_string(result.outcome) << ", swing " << result.swing_n << " N, " << result.swing_m * 1e3 << " mm";
+  EXPECT_GE(result.lowest_ledger_j, result.debt_bar_j());
+  EXPECT_LE(result.debt_s, tools::kDebtBarS);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, PastSeed, testing::ValuesIn(seeds()),
+                         [](const auto& row) { return std::to_string(row.param.seed); });
+
+TEST(StabilityCase, IsTheSameFromTheSameSeed) {
+  for (const std::uint64_t seed : {3u, 17u, 221u}) {
+    EXPECT_EQ(assignments_of(tools::draw_case(seed)), assignments_of(tools::draw_case(seed)));
+    const StabilityResult first = tools::run_case(tools::draw_case(seed), kSession, {});
+    const StabilityResult second = tools::run_case(tools::draw_case(seed), kSession, {});
+    EXPECT_EQ(first.outcome, second.outcome);
+    EXPECT_EQ(first.plant_work_j, second.plant_work_j);
+    EXPECT_EQ(first.peak_n, second.peak_n);
+  }
+}
+
+// A classifier that never says "diverged" would pass everything: the published interpolation at 500 N/m and 50 Hz does.
+TEST(StabilityCase, FindsThatThePublishedInterpolationDiverges) {
+  tools::StabilityCase each;
+  each.method = "interpolation";
+  each.paper = true;
+  each.stiffness_n_per_m = 500.0;
+  each.physics_hz = 50.0;
+  const StabilityResult result = tools::run_case(each, kSession, {});
+  EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << result.error;
+  EXPECT_EQ(result.above_limit, 0u);
+}
+
+TEST(StabilityCase, ReportsAStiffnessThatIsLowered) {
+  tools::StabilityCase each;
+  each.stiffness_n_per_m = 2000.0;
+  const StabilityResult result = tools::run_case(each, kSession, {});
+  EXPECT_DOUBLE_EQ(result.rendered_n_per_m, 1480.0);
+}
+
+// A case that kills its process is one failed case; the others go on.
+TEST(ParallelCases, SurviveACaseThatCrashes) {
+  std::vector<int> seen(7, 0);
+  int failed = 0;
+  EXPECT_TRUE(tools::run_cases(
+      7, 2,
+      [](std::size_t i) {
+        if (i == 2) std::abort();
+        StabilityResult result;
+        result.outcome = StabilityOutcome::kSettled;
+        return result;
+      },
+      [&](const StabilityResult& result) {
+        ++seen[result.index];
+        if (result.outcome == StabilityOutcome::kFailed) ++failed;
+      }));
+  EXPECT_EQ(seen, std::vector<int>(7, 1));
+  EXPECT_EQ(failed, 1);
+}
+
+}  // namespace

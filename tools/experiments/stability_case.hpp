@@ -1,0 +1,94 @@
+#pragma once
+/// @file stability_case.hpp
+/// One case of `rtbus evaluate stability`: what it is made of, drawn from one number, and the session that runs it.
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tools/harness/harness.hpp"
+
+namespace tools {
+
+/// What the hand does, and to what.
+enum class StabilityTask : std::uint8_t {
+  kDrop,   ///< Let go above the wall; nobody holds the tip.
+  kPress,  ///< Into the wall, and stays there.
+  kRub,    ///< The same obliquely, with friction.
+  kFree,   ///< A move in free air.
+  kDeep,   ///< Starts inside the wall.
+  kBlock,  ///< Pushes a block over a floor (bullet).
+  kStack,  ///< Presses on, or falls onto, a stack whose boxes differ in mass (bullet).
+};
+[[nodiscard]] const char* to_string(StabilityTask task) noexcept;
+
+enum class StabilityHand : std::uint8_t { kNone, kSoft, kStiff };
+[[nodiscard]] const char* to_string(StabilityHand hand) noexcept;
+
+enum class StabilityShape : std::uint8_t { kPlane, kSphere, kBox };
+
+/// The declared envelope: within it the default method has no diverged case. docs/results.md says the same in words.
+struct StabilityEnvelope {
+  static constexpr const char* kMethod = "remote_virtual_coupling";
+  static constexpr const char* kDevice = "phantom_desktop";
+  static constexpr double kHapticHz = 1000.0;
+  static constexpr double kMaxStiffnessNPerM = 2000.0;
+  static constexpr double kMinPhysicsHz = 5.0, kMaxPhysicsHz = 1000.0;
+  static constexpr double kMaxLostShare = 0.1;
+  static constexpr double kMaxJitterS = 0.002;
+  static constexpr double kMaxMassRatio = 100.0;  ///< Body to proxy, and proxy to device, either way.
+  static constexpr double kMaxHandSpeedMS = 1.0;
+};
+
+/// Lengths and speeds at the device.
+struct StabilityCase {
+  std::uint64_t seed = 0;  ///< draw_case(seed) makes it again; 0: not drawn.
+  bool envelope = false;   ///< Every figure lies in StabilityEnvelope.
+  std::string method = StabilityEnvelope::kMethod;
+  bool paper = false;
+  StabilityTask task = StabilityTask::kDrop;
+  StabilityHand hand = StabilityHand::kNone;
+  StabilityShape shape = StabilityShape::kPlane;
+  double stiffness_n_per_m = 200.0;  ///< As asked for.
+  double damping_n_s_per_m = 0.0;
+  bool stiff_device = false;   ///< The device allows 20 000 N/m and 30 N/ms: only mass and rate lower the stiffness.
+  double physics_hz = 1000.0;  ///< Throttled: one full period of latency.
+  double haptic_hz = 1000.0;
+  double proxy_kg = 0.1;
+  double body_ratio = 1.0;  ///< Mass of a moving body over that of the proxy.
+  int boxes = 1;            ///< Of a stack; every second one has the mass of the proxy.
+  double friction = 0.3;
+  double quantum_m = 23e-6;
+  double scale = 1.0;  ///< World over device: a box of 20 mm · scale.
+  double speed_m_s = 0.1;
+  double height_m = 0.01;  ///< Above the surface at the start.
+  double depth_m = 0.005;  ///< Below it, where the hand wants to go, or where the tip starts.
+  double phase = 0.0;      ///< Of physics against the loop, in its periods.
+  double jitter_s = 0.0;
+  double lost_share = 0.0;
+  double loop_pause_s = 0.0;
+  double physics_pause_s = 0.0;
+
+  [[nodiscard]] bool moves_bodies() const noexcept {
+    return task == StabilityTask::kBlock || task == StabilityTask::kStack;
+  }
+  /// When the motion begins: the start ramp is over, whatever the rate of physics.
+  [[nodiscard]] double start_s() const noexcept { return 0.25 + 2.5 / physics_hz; }
+  /// When the script has ended, or a free tip has had its time to fall.
+  [[nodiscard]] double end_s() const noexcept;
+};
+
+/// The case of that number.
+[[nodiscard]] StabilityCase draw_case(std::uint64_t seed);
+
+/// `--set` for config/wall.yaml.
+[[nodiscard]] std::vector<std::string> assignments_of(const StabilityCase& each);
+[[nodiscard]] HarnessOptions link_of(const StabilityCase& each);
+
+/// The same wall and hand rendered directly at 10 kHz, with the gains that `each` rendered. Not for moving bodies.
+[[nodiscard]] StabilityCase direct_reference(const StabilityCase& each, double stiffness_n_per_m,
+                                             double damping_n_s_per_m);
+
+/// One line: "K 1500 B 2 physics 20 Hz …".
+[[nodiscard]] std::string describe(const StabilityCase& each);
+
+}  // namespace tools
