@@ -103,6 +103,17 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
       if (manifold.getBody1() == held) add_held_by(proxy, manifold, false, row, out);
     }
   }
+  for (const Push& push : pushed_) {
+    for (BodyBehind& behind : out.bodies) {
+      if (behind.body != push.body || behind.kind != BodyKind::kDynamic) continue;
+      if (proxies_[push.proxy].get() == &proxy) {
+        behind.proxy_force_n += push.force_n;
+      } else {
+        behind.external_force_n += push.force_n;
+        behind.external_torque_n_m += push.torque_n_m;
+      }
+    }
+  }
   for (BodyBehind& behind : out.bodies) {
     const btRigidBody& rigid = *bodies_[behind.body].rigid;
     if (behind.kind != BodyKind::kDynamic || rigid.isActive() || behind.friction_bound_n > 0.0) continue;
@@ -139,6 +150,7 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
     support.point_m += force.normal_n * force.point_m;
     support.normal += push_n;
     support.normal_force_n += force.normal_n;
+    ++support.points;
   }
   if (support.normal_force_n <= 0.0 || support.normal.norm() <= 0.0) return;
   support.point_m /= support.normal_force_n;

@@ -79,6 +79,12 @@ void Harness::step_physics(std::uint64_t begin_ns) {
     if (i == 0 && step_observer_) step_observer_(answer.value);
     answer.stamp_ns = published_ns + to_ns(options_.latency_s);
     hands_[i]->under_way.push_back(answer);
+    if (!stepper_->wants_contacts(i)) continue;
+    rtbus::Stamped<rtbus::ProxyContacts> contacts;
+    stepper_->contacts(i, physics_->contact_radius_m.value_or(0.0), contacts.value);
+    contacts.sequence = answer.sequence;
+    contacts.stamp_ns = answer.stamp_ns;
+    hands_[i]->contacts_under_way.push_back(contacts);
   }
 }
 
@@ -92,6 +98,11 @@ void Harness::advance_physics(std::uint64_t now_ns) {
       hand->link.proxy = hand->under_way.front();
       hand->link.proxy_fresh = true;
       hand->under_way.pop_front();
+    }
+    while (!hand->contacts_under_way.empty() && hand->contacts_under_way.front().stamp_ns <= now_ns) {
+      hand->link.contacts = hand->contacts_under_way.front();
+      hand->link.contacts_fresh = true;
+      hand->contacts_under_way.pop_front();
     }
   }
   for (; next_beat_ns_ <= now_ns; next_beat_ns_ += kBeatPeriod_ns) {
