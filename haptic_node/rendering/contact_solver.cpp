@@ -70,8 +70,10 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
 /// One contact in turn. @returns how much the velocities there have changed.
 double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   if (contact.inverse_mass_normal <= 0.0) return 0.0;
-  const double normal_velocity = contact.normal.dot(slip(bodies, contact)) + contact.closing_m_s;
-  const double normal = std::max(0.0, contact.normal_n_s - normal_velocity / contact.inverse_mass_normal);
+  const double soft = contact.softness_per_kg;
+  const double normal_velocity = contact.normal.dot(slip(bodies, contact)) + contact.closing_m_s +
+                                 soft * (contact.normal_n_s - contact.expected_n_s);
+  const double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal + soft));
   const double step = normal - contact.normal_n_s;
   double change = std::abs(step) * contact.inverse_mass_normal;
   if (step != 0.0) {

@@ -30,6 +30,9 @@ struct SolverContact {
   double closing_m_s = 0.0;       ///< The normal velocity must not be below minus this: the gap over the step.
   double friction = 0.0;          ///< Coulomb coefficient.
   double held_n_s = 0.0;          ///< Normal impulse that is there besides, for friction alone.
+  /// Gives way along the normal by `softness_per_kg` times what the impulse is more than `expected_n_s`.
+  double softness_per_kg = 0.0;
+  double expected_n_s = 0.0;
   double torsion_radius_m = 0.0;  ///< A patch of this radius also resists spin about the normal; 0: a point.
 
   Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On `a`. In: the last step's; out: the solution.

@@ -29,10 +29,23 @@ Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   return out;
 }
 
+bool jammed_row(const rtbus::ProxyContacts& answer, std::size_t row) noexcept {
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, rtbus::kSupportSlots); ++i) {
+    if (answer.support_body[i] == row && answer.support_inverse_mass_per_kg[i] > 0.0) return true;
+  }
+  return false;
+}
+
+double seconds_from(std::uint64_t from_ns, std::uint64_t to_ns) noexcept {
+  return to_ns >= from_ns ? rtbus::seconds_between(from_ns, to_ns) : -rtbus::seconds_between(to_ns, from_ns);
+}
+
 }  // namespace
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   good_until_ns_ = now_ns + static_cast<std::uint64_t>((kGoodFor * answer.step_s + kGoodBesides_s) * 1e9);
+  instant_apart_ns_ = static_cast<std::uint64_t>(kPastSteps * answer.step_s * 1e9 / kInstants);
+  blend_s_ = std::max(kBlend_s, kBlendSteps * answer.step_s);
   proxy_radius_m_ = answer.proxy_radius_m;
   // The gaps as felt, before anything is moved.
   for (std::size_t i = 0; i < contact_count_; ++i) contacts_[i].gap_m = gap_of(contacts_[i]) + contacts_[i].offset_m;
@@ -105,26 +118,48 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     const std::size_t slot = slot_of(answer.body_index[row]);
     Body& body = bodies_[slot];
     const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
-    const Vector3d velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
-    const Vector3d rate_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
+    Vector3d velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
+    const bool jammed = jammed_row(answer, row);
+    if (jammed && body.used && body.told_ns != 0 && answer.device_time_ns > body.told_ns) {
+      // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
+      velocity_m_s = (centre_m - body.told_centre_m) / rtbus::seconds_between(body.told_ns, answer.device_time_ns);
+    }
+    Vector3d rate_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
+    if (jammed) rate_rad_s.setZero();
     Past then;
     const bool known = body.used && past_of(body, slot, answer.device_time_ns, then);
+    // The instant was remembered before the last answers put it right.
+    for (const Correction& made : body.corrections) {
+      if (made.made_ns <= answer.device_time_ns) continue;
+      then.centre_m += made.way_m + made.speed_m_s * seconds_from(made.sample_ns, answer.device_time_ns);
+      then.velocity_m_s += made.speed_m_s;
+      then.angular_velocity_rad_s += made.rate_rad_s;
+    }
     Quaterniond turned = Quaterniond::Identity();
     if (known) {
       turned = (body.turned * then.turned.conjugate()).normalized();
       const Vector3d faster_m_s = velocity_m_s - then.velocity_m_s;
-      body.centre_m += centre_m - then.centre_m + age_s * faster_m_s;
-      body.motion.velocity_m_s += faster_m_s;
+      body.centre_m += centre_m - then.centre_m;
+      if (!jammed) body.centre_m += age_s * faster_m_s;
+      body.motion.velocity_m_s = jammed ? velocity_m_s : Vector3d(body.motion.velocity_m_s + faster_m_s);
       body.motion.angular_velocity_rad_s += rate_rad_s - then.angular_velocity_rad_s;
+      body.corrections[body.next_correction++ % kCorrections] = {now_ns, answer.device_time_ns, centre_m - then.centre_m,
+                                                                 jammed ? Vector3d::Zero() : faster_m_s,
+                                                                 rate_rad_s - then.angular_velocity_rad_s};
     } else {
+      // New, or so new that the answer is to a sample from before it.
+      const std::uint64_t since_ns = body.used ? body.since_ns : now_ns;
       body = Body{};
       body.index = answer.body_index[row];
-      body.since_ns = now_ns;
+      body.since_ns = since_ns;
       body.centre_m = centre_m + age_s * velocity_m_s;
       body.motion.velocity_m_s = velocity_m_s;
       body.motion.angular_velocity_rad_s = rate_rad_s;
     }
     body.used = body.named = true;
+    body.jammed = jammed;
+    body.told_ns = answer.device_time_ns;
+    body.told_centre_m = centre_m;
     body.moves = answer.body_kind[row] != 0;
     const Matrix3d R = turned.toRotationMatrix();
     body.motion.inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
@@ -152,7 +187,16 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
     support.from_centre_m =
         turned_since_[row] * (vector_of(answer.support_point_m[i]) - vector_of(answer.body_centre_m[row]));
     support.normal = vector_of(answer.support_normal[i]);
+    // What touches moves as one along the normal; a solver leaves a remainder.
     support.velocity_m_s = vector_of(answer.support_velocity_m_s[i]);
+    const Vector3d own_m_s = body.motion.velocity_m_s + body.motion.angular_velocity_rad_s.cross(support.from_centre_m);
+    if (body.jammed) {
+      support.velocity_m_s = own_m_s;
+    } else {
+      support.velocity_m_s += support.normal * support.normal.dot(own_m_s - support.velocity_m_s);
+    }
+    support.force_n = answer.support_force_n[i];
+    support.inverse_mass_per_kg = answer.support_inverse_mass_per_kg[i];
     support.friction = answer.support_friction[i];
     if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: hold_by_supports()
     body.force_n -= answer.support_force_n[i] * support.normal;
@@ -164,9 +208,19 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
       break;
     }
   }
+  // The supports of the farthest bodies may not have found a place. Without them nothing would hold what they hold: it goes
+  // on as it went.
+  std::size_t complete = kBodies;
+  if (answer.supports_overflow > 0 && answer.supports > 0) {
+    complete = std::max<std::size_t>(answer.support_body[std::min<std::size_t>(answer.supports, kSupports) - 1], 1);
+  }
   for (std::size_t row = 0; row < std::min<std::size_t>(answer.bodies, kBodies); ++row) {
     const std::size_t slot = slot_of_row_[row];
     Body& body = bodies_[slot];
+    if (row >= complete) {
+      body.motion.inverse_mass_per_kg = 0.0;
+      body.force_n.setZero();
+    }
     if (body.motion.inverse_mass_per_kg <= 0.0) continue;
     if (body.supported) {
       hold_by_supports(slot);

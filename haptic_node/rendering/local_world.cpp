@@ -14,6 +14,12 @@ using Eigen::Vector3d;
 
 /// Contacts that the proxy cannot reach in a step are left out of it, with this to spare.
 constexpr double kReach_m = 0.2e-3;
+/// A support that can move gives way to a push that differs from what it has held: by the speed that its own mass gains in
+/// this time. Whatever way a heap really gives way, and however late that is told, a model that gives way at least half as
+/// easily does not swing with the delay.
+constexpr double kSupportMobility_s = 0.5e-3;
+/// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
+constexpr double kSupportSoftness = 0.02;
 
 Quaterniond turn(const Vector3d& rate_rad_s, double h) noexcept {
   const double angle = rate_rad_s.norm() * h;
@@ -75,7 +81,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
 
 /// Surfaces go on to where physics has them; without news everything comes to rest.
 void LocalWorld::blend(double h) noexcept {
-  const double share = -std::expm1(-h / kBlend_s);
+  const double share = -std::expm1(-h / blend_s_);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < contact_count_; ++i) {
     Contact& contact = contacts_[i];
@@ -150,6 +156,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
       support.torsion_n_m_s = 0.0;
       continue;
     }
+    const Body& body = bodies_[support.body];
     SolverContact& row = rows_[rows];
     row = SolverContact{};
     row.a = held;
@@ -158,9 +165,10 @@ std::size_t LocalWorld::gather(double h) noexcept {
     row.surface_velocity_m_s = support.velocity_m_s;
     row.friction = support.friction;
     row.torsion_radius_m = support.torsion_radius_m;
+    row.softness_per_kg = kSupportMobility_s / h * support.inverse_mass_per_kg + kSupportSoftness * body.motion.inverse_mass_per_kg;
+    row.expected_n_s = support.force_n * h;
     row.impulse_n_s = support.impulse_n_s;
     row.torsion_n_m_s = support.torsion_n_m_s;
-    const Body& body = bodies_[support.body];
     if (!body.supported) row.held_n_s = body.friction_bound_n * h;
     row_source_[rows++] = i;
   }
@@ -191,7 +199,7 @@ void LocalWorld::integrate(double h) noexcept {
 }
 
 void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
-  if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + kInstantApart_ns) return;
+  if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + instant_apart_ns_) return;
   Instant& instant = instants_[instant_count_++ % kInstants];
   instant.time_ns = sample_ns;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {

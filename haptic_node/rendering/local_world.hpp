@@ -33,7 +33,7 @@ struct LocalSpring {
 /// An answer of physics describes the world at the instant of the device sample that it answers (decision 0003). By the
 /// time it is here, the local world is one or two periods on. What physics says about a body then is compared with what
 /// the local world had made of it at that instant, and the difference is added to what it is now. A surface that this
-/// moves, or that turns out to be elsewhere, starts where it was felt last and moves to its place within kBlend_s.
+/// moves, or that turns out to be elsewhere, starts where it was felt last and moves to its place within a part of a step (kBlendSteps).
 class LocalWorld {
  public:
   static constexpr std::size_t kBodies = rtbus::kContactSlots;
@@ -41,7 +41,7 @@ class LocalWorld {
   static constexpr std::size_t kSupports = rtbus::kSupportSlots;
   static constexpr std::size_t kSolved = rtbus::kContactSlots;  ///< Contacts of the proxy in one step.
   static constexpr int kSweeps = 12;
-  static constexpr double kBlend_s = 0.01;
+  static constexpr double kBlendSteps = 0.3, kBlend_s = 0.01;  ///< Of a step of physics, but no faster than kBlend_s.
   static constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
   static constexpr double kBrake_s = 0.01;      ///< Without news bodies come to rest in about three times that.
 
@@ -68,6 +68,15 @@ class LocalWorld {
   [[nodiscard]] std::span<const Push> pushes() const noexcept { return {pushes_.data(), push_count_}; }
 
  private:
+  /// What an answer has changed in a body: what the local world had made of it before is known to be wrong by as much.
+  struct Correction {
+    std::uint64_t made_ns = 0;    ///< Instants before this do not have it; 0: none.
+    std::uint64_t sample_ns = 0;  ///< The instant that was compared.
+    Eigen::Vector3d way_m = Eigen::Vector3d::Zero();  ///< At that instant; grows with speed_m_s since.
+    Eigen::Vector3d speed_m_s = Eigen::Vector3d::Zero();
+    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();
+  };
+  static constexpr std::size_t kCorrections = 4;  ///< An answer is at most two old: of more none is still unseen.
   struct Body {
     bool used = false;
     bool named = false;  ///< By the answer that is being taken.
@@ -80,6 +89,11 @@ class LocalWorld {
     Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
     double friction_bound_n = 0.0;
     bool supported = false;
+    bool jammed = false;         ///< Held by bodies that move themselves.
+    std::uint64_t told_ns = 0;   ///< Instant of the last answer, and where it had the body.
+    Eigen::Vector3d told_centre_m = Eigen::Vector3d::Zero();
+    std::array<Correction, kCorrections> corrections{};
+    std::size_t next_correction = 0;
   };
   struct Contact {
     std::size_t body = 0;
@@ -98,6 +112,8 @@ class LocalWorld {
     Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
     double friction = 0.0;
     double torsion_radius_m = 0.0;
+    double force_n = 0.0;              ///< Along the normal, as physics had it.
+    double inverse_mass_per_kg = 0.0;  ///< Of what holds.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
     double torsion_n_m_s = 0.0;
   };
@@ -113,7 +129,7 @@ class LocalWorld {
     std::array<Past, kBodies> bodies;
   };
   static constexpr std::size_t kInstants = 512;
-  static constexpr std::uint64_t kInstantApart_ns = 1'000'000;
+  static constexpr double kPastSteps = 2.5;  ///< So many steps of physics are kept: an answer is at most two old.
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   [[nodiscard]] bool past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept;
@@ -132,6 +148,7 @@ class LocalWorld {
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   double proxy_radius_m_ = 0.0;
   std::uint64_t good_until_ns_ = 0;
+  double blend_s_ = kBlend_s;
   std::uint64_t now_ns_ = 0;
 
   std::array<Body, kBodies> bodies_{};
@@ -154,6 +171,7 @@ class LocalWorld {
 
   std::array<Instant, kInstants> instants_{};
   std::uint64_t instant_count_ = 0;
+  std::uint64_t instant_apart_ns_ = 0;
 };
 
 }  // namespace haptic
