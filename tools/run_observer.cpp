@@ -33,7 +33,8 @@ HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::Hapt
       proxies_(session, "physics.proxy_state." + config.name),
       mapping_(config.mapping) {
   const haptic::RendererEntry* const law = haptic::find_renderer(config.method);
-  if (law == nullptr || !law->needs_physics) return;
+  // A law that integrates the proxy itself is not one of the newest proxy: it has no staleness of this kind.
+  if (law == nullptr || !law->needs_physics || law->needs_contacts) return;
   // A reference is the law without delay: of interpolation the force itself, without ramp (one cycle in improved form).
   const auto make_law = [&](const haptic::Mapping& mapping) {
     return law->make({config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes,
