@@ -93,8 +93,8 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const Vector3d correction =
       contact.tangent[0] * (after.x() - before.x()) + contact.tangent[1] * (after.y() - before.y());
   push(bodies, contact, correction);
-  contact.impulse_n_s = contact.normal_n_s * contact.normal + contact.tangent[0] * after.x() +
-                        contact.tangent[1] * after.y();
+  contact.impulse_n_s =
+      contact.normal_n_s * contact.normal + contact.tangent[0] * after.x() + contact.tangent[1] * after.y();
   change = std::max(change, correction.cwiseAbs().maxCoeff() * contact.inverse_mass_normal);
 
   if (contact.mass_torsion > 0.0) {

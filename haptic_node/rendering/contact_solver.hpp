@@ -27,9 +27,9 @@ struct SolverContact {
   Eigen::Vector3d from_a_m = Eigen::Vector3d::Zero();  ///< From a's centre to the contact point.
   Eigen::Vector3d from_b_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what is fixed, at the point.
-  double closing_m_s = 0.0;       ///< The normal velocity must not be below minus this: the gap over the step.
-  double friction = 0.0;          ///< Coulomb coefficient.
-  double held_n_s = 0.0;          ///< Normal impulse that is there besides, for friction alone.
+  double closing_m_s = 0.0;  ///< The normal velocity must not be below minus this: the gap over the step.
+  double friction = 0.0;     ///< Coulomb coefficient.
+  double held_n_s = 0.0;     ///< Normal impulse that is there besides, for friction alone.
   /// Gives way along the normal by `softness_per_kg` times what the impulse is more than `expected_n_s`.
   double softness_per_kg = 0.0;
   double expected_n_s = 0.0;
@@ -47,9 +47,9 @@ struct SolverContact {
 };
 
 /// Projected Gauss-Seidel, J. J. Moreau's sweeping process in impulses (M. Jean, "The non-smooth contact dynamics
-/// method", CMAME 177, 1999): each contact in turn gets the normal impulse ≥ 0 that keeps its gap, and the tangential one,
-/// at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them to the
-/// velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than kTolerance_m_s.
+/// method", CMAME 177, 1999): each contact in turn gets the normal impulse ≥ 0 that keeps its gap, and the tangential
+/// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
+/// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than kTolerance_m_s.
 /// @returns the sweeps made. @realtime Yes.
 inline constexpr double kTolerance_m_s = 1e-8;
 int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,

@@ -1,7 +1,7 @@
 #pragma once
 /// @file local_contact.hpp
-/// The method `local_contact`: the proxy and the bodies that it meets are simulated in the haptic loop, from what physics
-/// says about the contacts near the proxy.
+/// The method `local_contact`: the proxy and the bodies that it meets are simulated in the haptic loop, from what
+/// physics says about the contacts near the proxy.
 #include <array>
 #include <cstdint>
 
@@ -12,9 +12,9 @@
 
 namespace haptic {
 
-/// F = K(p − x) + B(v_p − v), p being a massless proxy that is solved with its contacts every tick (local_world.hpp): zero in
-/// free air, full stiffness at a surface, however old the last answer of physics is. What the hand felt goes to physics
-/// body by body (DeviceState::touched_…), and there takes the place of a proxy that pushes.
+/// F = K(p − x) + B(v_p − v), p being a massless proxy that is solved with its contacts every tick (local_world.hpp):
+/// zero in free air, full stiffness at a surface, however old the last answer of physics is. What the hand felt goes to
+/// physics body by body (DeviceState::touched_…), and there takes the place of a proxy that pushes.
 class LocalContact final : public Renderer {
  public:
   /// @param mapping Must outlive this object.

@@ -71,7 +71,10 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     if (bodies_[slot].named) continue;
     for (std::size_t i = 0; i < contact_count_;) {
-      if (contacts_[i].body == slot) contacts_[i] = contacts_[--contact_count_]; else ++i;
+      if (contacts_[i].body == slot)
+        contacts_[i] = contacts_[--contact_count_];
+      else
+        ++i;
     }
     bodies_[slot].used = false;
     return slot;
@@ -86,7 +89,10 @@ bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_
   std::uint64_t high = instant_count_;
   while (low < high) {
     const std::uint64_t middle = low + (high - low) / 2;
-    if (instants_[middle % kInstants].time_ns <= time_ns) low = middle + 1; else high = middle;
+    if (instants_[middle % kInstants].time_ns <= time_ns)
+      low = middle + 1;
+    else
+      high = middle;
   }
   const std::uint64_t oldest = instant_count_ > kInstants ? instant_count_ - kInstants : 0;
   if (low == oldest) return false;
@@ -121,7 +127,8 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     Vector3d velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
     const bool jammed = jammed_row(answer, row);
     if (jammed && body.used && body.told_ns != 0 && answer.device_time_ns > body.told_ns) {
-      // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
+      // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is
+      // not.
       velocity_m_s = (centre_m - body.told_centre_m) / rtbus::seconds_between(body.told_ns, answer.device_time_ns);
     }
     Vector3d rate_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
@@ -143,9 +150,9 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
       if (!jammed) body.centre_m += age_s * faster_m_s;
       body.motion.velocity_m_s = jammed ? velocity_m_s : Vector3d(body.motion.velocity_m_s + faster_m_s);
       body.motion.angular_velocity_rad_s += rate_rad_s - then.angular_velocity_rad_s;
-      body.corrections[body.next_correction++ % kCorrections] = {now_ns, answer.device_time_ns, centre_m - then.centre_m,
-                                                                 jammed ? Vector3d::Zero() : faster_m_s,
-                                                                 rate_rad_s - then.angular_velocity_rad_s};
+      body.corrections[body.next_correction++ % kCorrections] = {
+          now_ns, answer.device_time_ns, centre_m - then.centre_m, jammed ? Vector3d::Zero() : faster_m_s,
+          rate_rad_s - then.angular_velocity_rad_s};
     } else {
       // New, or so new that the answer is to a sample from before it.
       const std::uint64_t since_ns = body.used ? body.since_ns : now_ns;
@@ -208,8 +215,8 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
       break;
     }
   }
-  // The supports of the farthest bodies may not have found a place. Without them nothing would hold what they hold: it goes
-  // on as it went.
+  // The supports of the farthest bodies may not have found a place. Without them nothing would hold what they hold: it
+  // goes on as it went.
   std::size_t complete = kBodies;
   if (answer.supports_overflow > 0 && answer.supports > 0) {
     complete = std::max<std::size_t>(answer.support_body[std::min<std::size_t>(answer.supports, kSupports) - 1], 1);

@@ -14,9 +14,9 @@ using Eigen::Vector3d;
 
 /// Contacts that the proxy cannot reach in a step are left out of it, with this to spare.
 constexpr double kReach_m = 0.2e-3;
-/// A support that can move gives way to a push that differs from what it has held: by the speed that its own mass gains in
-/// this time. Whatever way a heap really gives way, and however late that is told, a model that gives way at least half as
-/// easily does not swing with the delay.
+/// A support that can move gives way to a push that differs from what it has held: by the speed that its own mass gains
+/// in this time. Whatever way a heap really gives way, and however late that is told, a model that gives way at least
+/// half as easily does not swing with the delay.
 constexpr double kSupportMobility_s = 0.5e-3;
 /// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
 constexpr double kSupportSoftness = 0.02;
@@ -56,9 +56,9 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   }
   blend(h);
   SolverBody& proxy = solver_bodies_[0];
-  proxy.velocity_m_s = (spring.stiffness_n_per_m * (spring.goal_m - position_m_) +
-                        spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
-                       lag;
+  proxy.velocity_m_s =
+      (spring.stiffness_n_per_m * (spring.goal_m - position_m_) + spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
+      lag;
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 
   const std::size_t rows = gather(h);
@@ -165,7 +165,8 @@ std::size_t LocalWorld::gather(double h) noexcept {
     row.surface_velocity_m_s = support.velocity_m_s;
     row.friction = support.friction;
     row.torsion_radius_m = support.torsion_radius_m;
-    row.softness_per_kg = kSupportMobility_s / h * support.inverse_mass_per_kg + kSupportSoftness * body.motion.inverse_mass_per_kg;
+    row.softness_per_kg =
+        kSupportMobility_s / h * support.inverse_mass_per_kg + kSupportSoftness * body.motion.inverse_mass_per_kg;
     row.expected_n_s = support.force_n * h;
     row.impulse_n_s = support.impulse_n_s;
     row.torsion_n_m_s = support.torsion_n_m_s;

@@ -27,13 +27,14 @@ struct LocalSpring {
 /// One instant of the local world belongs to one device sample; a step leads from the sample before to this one.
 ///
 /// The proxy has no mass. Spring and damper, implicit over a step of h, are the mass m_g = h(hK + B) that moves at
-/// (K(x − p) + B·v)/(hK + B) (docs/decisions/0005): in free air it goes with the hand and pulls at nothing, at a contact
-/// the hand feels K(p − x) + B(v_p − v), which is what the contacts push with.
+/// (K(x − p) + B·v)/(hK + B) (docs/decisions/0005): in free air it goes with the hand and pulls at nothing, at a
+/// contact the hand feels K(p − x) + B(v_p − v), which is what the contacts push with.
 ///
 /// An answer of physics describes the world at the instant of the device sample that it answers (decision 0003). By the
 /// time it is here, the local world is one or two periods on. What physics says about a body then is compared with what
 /// the local world had made of it at that instant, and the difference is added to what it is now. A surface that this
-/// moves, or that turns out to be elsewhere, starts where it was felt last and moves to its place within a part of a step (kBlendSteps).
+/// moves, or that turns out to be elsewhere, starts where it was felt last and moves to its place within a part of a
+/// step (kBlendSteps).
 class LocalWorld {
  public:
   static constexpr std::size_t kBodies = rtbus::kContactSlots;
@@ -61,8 +62,8 @@ class LocalWorld {
 
   /// What the proxy did to a body in the last step.
   struct Push {
-    std::uint32_t body = 0;                                    ///< In the scene's order.
-    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();     ///< On the body.
+    std::uint32_t body = 0;                                 ///< In the scene's order.
+    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the body.
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
   };
   [[nodiscard]] std::span<const Push> pushes() const noexcept { return {pushes_.data(), push_count_}; }
@@ -70,8 +71,8 @@ class LocalWorld {
  private:
   /// What an answer has changed in a body: what the local world had made of it before is known to be wrong by as much.
   struct Correction {
-    std::uint64_t made_ns = 0;    ///< Instants before this do not have it; 0: none.
-    std::uint64_t sample_ns = 0;  ///< The instant that was compared.
+    std::uint64_t made_ns = 0;                        ///< Instants before this do not have it; 0: none.
+    std::uint64_t sample_ns = 0;                      ///< The instant that was compared.
     Eigen::Vector3d way_m = Eigen::Vector3d::Zero();  ///< At that instant; grows with speed_m_s since.
     Eigen::Vector3d speed_m_s = Eigen::Vector3d::Zero();
     Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();
@@ -89,8 +90,8 @@ class LocalWorld {
     Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
     double friction_bound_n = 0.0;
     bool supported = false;
-    bool jammed = false;         ///< Held by bodies that move themselves.
-    std::uint64_t told_ns = 0;   ///< Instant of the last answer, and where it had the body.
+    bool jammed = false;        ///< Held by bodies that move themselves.
+    std::uint64_t told_ns = 0;  ///< Instant of the last answer, and where it had the body.
     Eigen::Vector3d told_centre_m = Eigen::Vector3d::Zero();
     std::array<Correction, kCorrections> corrections{};
     std::size_t next_correction = 0;
@@ -100,9 +101,9 @@ class LocalWorld {
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
     double friction = 0.0;
-    double offset_m = 0.0;  ///< Added to the gap: what is still to be blended in.
-    double gap_m = 0.0;     ///< As of the last step, offset included.
-    bool fades = false;     ///< Physics does not know it any more.
+    double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
+    double gap_m = 0.0;                                     ///< As of the last step, offset included.
+    bool fades = false;                                     ///< Physics does not know it any more.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
   };
   struct Support {
@@ -156,7 +157,7 @@ class LocalWorld {
   std::size_t contact_count_ = 0;
   std::array<Support, kSupports> supports_{};
   std::size_t support_count_ = 0;
-  std::array<std::size_t, kBodies> slot_of_row_{};        ///< Of the answer that is being taken.
+  std::array<std::size_t, kBodies> slot_of_row_{};          ///< Of the answer that is being taken.
   std::array<Eigen::Quaterniond, kBodies> turned_since_{};  ///< Likewise: from its instant to now.
 
   // One step's problem: the proxy first, then bodies; what each row belongs to.
