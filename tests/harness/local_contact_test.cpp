@@ -178,7 +178,7 @@ TEST_P(FreeBlock, IsFeltFiveTimesBetterThanByARemoteSpring) {
 INSTANTIATE_TEST_SUITE_P(Stiffness, FreeBlock, testing::Values(500.0, 1000.0),
                          [](const auto& row) { return "K" + std::to_string(static_cast<int>(row.param)); });
 
-// Newton's third law: from the first touch until the hand rests and nothing is on its way any more.
+// Newton's third law: what the hand had felt by the sample that the last step answers, and what the world had received by then.
 TEST(LocalContact, GivesTheWorldWhatTheHandFelt) {
   for (const double scale : {1.0, 0.5}) {
     for (const char* physics : {"null", "100", "18", "5"}) {
@@ -186,12 +186,13 @@ TEST(LocalContact, GivesTheWorldWhatTheHandFelt) {
       settings.push_back(std::string("physics.throttle_hz=") + physics);
       settings.push_back(text("haptic.0.mapping.position_scale", scale));
       Harness harness = harness_of("free_block.yaml", settings);
-      rtbus::Vec3 felt{}, given{};
+      rtbus::Vec3 sum{}, felt{}, given{};
       harness.observe_steps([&](const rtbus::ProxyState& step) {
         for (std::size_t a = 0; a < 3; ++a) given[a] -= step.contact_force_n[a] * step.step_s * scale;
+        felt = sum;
       });
       harness.run(4.5, [&](const Telemetry& tick) {
-        for (std::size_t a = 0; a < 3; ++a) felt[a] -= tick.force_n[a] * 1e-3;
+        for (std::size_t a = 0; a < 3; ++a) sum[a] -= tick.force_n[a] * 1e-3;
       });
       ASSERT_GT(norm(felt), 0.03) << physics << " Hz, scale " << scale;
       const rtbus::Vec3 difference{felt[0] - given[0], felt[1] - given[1], felt[2] - given[2]};

@@ -92,7 +92,7 @@ TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
     std::uint64_t ns = now_ns;
     for (; x_m > -0.05; x_m -= 1e-5) {
       ns += kMs;
-      copy.advance({{x_m, 0, 0}, Vector3d::Zero(), kStiffness, kDamping}, ns, 1e-6);
+      copy.advance({{x_m, 0, 0}, Vector3d::Zero(), kStiffness, kDamping}, ns, kStepS);
       if (copy.impulse_n_s().x() > 0.0) return x_m;
     }
     return -1.0;
