@@ -115,10 +115,10 @@ void read_method(Map& entry, const RendererEntry& method, HapticConfig& out) {
     entry.fail("link", "has no physics at its other end: method " + out.method + " needs none; leave it out");
   }
   if (method.needs_contacts && out.wire.paper) {
-    entry.fail("form", "is paper, and method " + out.method + " is not in the paper; leave it out");
+    entry.fail("form", "is not for method " + out.method + ", which the paper does not have; leave it out");
   }
   if (method.needs_contacts && out.wire.pipe) {
-    entry.fail("link", "is a pipe, which carries no contacts; method " + out.method + " needs link: bus");
+    entry.fail("link", "carries no contacts, which method " + out.method + " needs; use bus");
   }
   // One period of the ramp and half a period of age: what lies between the sampling of a hand and the force.
   out.prediction_periods = entry.number("prediction_periods", {0.0, 10.0}, 1.5);

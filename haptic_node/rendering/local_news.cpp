@@ -181,8 +181,9 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
 
 /// Supports push back only as far as they are pushed against: their forces of then are taken out of the body's force.
 void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
-  const auto old = supports_;
+  auto& old = old_supports_;
   const std::size_t old_count = support_count_;
+  std::copy_n(supports_.begin(), old_count, old.begin());
   support_count_ = 0;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, kSupports); ++i) {
     const std::size_t row = answer.support_body[i];
@@ -272,8 +273,9 @@ void LocalWorld::hold_by_supports(std::size_t slot) noexcept {
 }
 
 void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
-  const auto old = contacts_;
+  auto& old = old_contacts_;
   const std::size_t old_count = contact_count_;
+  std::copy_n(contacts_.begin(), old_count, old.begin());
   std::array<bool, kContacts> matched{};
   contact_count_ = 0;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {

@@ -157,6 +157,8 @@ class LocalWorld {
   std::size_t contact_count_ = 0;
   std::array<Support, kSupports> supports_{};
   std::size_t support_count_ = 0;
+  std::array<Contact, kContacts> old_contacts_;  ///< Before the answer that is being taken.
+  std::array<Support, kSupports> old_supports_;
   std::array<std::size_t, kBodies> slot_of_row_{};          ///< Of the answer that is being taken.
   std::array<Eigen::Quaterniond, kBodies> turned_since_{};  ///< Likewise: from its instant to now.
 
