@@ -62,7 +62,10 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 
   const std::size_t rows = gather(h);
-  if (rows > 0) solve_contacts(solver_bodies_.data(), rows_.data(), rows, kSweeps);
+  if (rows > 0) {
+    const int sweeps = std::clamp(kRowSweeps / static_cast<int>(rows), kFewestSweeps, kSweeps);
+    solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
+  }
   for (std::size_t i = 0; i < rows; ++i) {
     if (i >= solved_contacts_) {
       supports_[row_source_[i]].impulse_n_s = rows_[i].impulse_n_s;

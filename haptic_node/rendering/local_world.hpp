@@ -41,7 +41,8 @@ class LocalWorld {
   static constexpr std::size_t kContacts = rtbus::kContactSlots + 8;  ///< Those of the answer, and some that fade out.
   static constexpr std::size_t kSupports = rtbus::kSupportSlots;
   static constexpr std::size_t kSolved = rtbus::kContactSlots;  ///< Contacts of the proxy in one step.
-  static constexpr int kSweeps = 12;
+  static constexpr int kSweeps = 12, kFewestSweeps = 4;
+  static constexpr int kRowSweeps = 100;  ///< Rows times sweeps of a step, about: what bounds its time.
   static constexpr double kBlendSteps = 0.3, kBlend_s = 0.01;  ///< Of a step of physics, but no faster than kBlend_s.
   static constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
   static constexpr double kBrake_s = 0.01;      ///< Without news bodies come to rest in about three times that.
