@@ -7,6 +7,7 @@
 
 #include "haptic_node/loop.hpp"
 #include "haptic_node/pipe_link.hpp"
+#include "rtbus/contact_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/publication.hpp"
 #include "rtbus/subscription.hpp"
@@ -19,15 +20,19 @@ namespace haptic {
 /// receive() belong to the loop's thread, maintain() to the housekeeping thread.
 class BusLink final : public PhysicsLink {
  public:
-  /// @param needs_physics False: the incoming topics are left out. @param wire Form of the link.
+  /// @param needs_physics False: the incoming topics are left out. @param needs_contacts False: so is that of the contacts.
+  /// @param wire Form of the link.
   BusLink(rtbus::Publication<rtbus::DeviceState> device_state, const rtbus::Session& session, const std::string& node,
-          bool needs_physics, const rtbus::config::LinkConfig& wire = {})
+          bool needs_physics, bool needs_contacts, const rtbus::config::LinkConfig& wire)
       : device_state_(std::move(device_state)) {
     if (!needs_physics) return;
     if (wire.pipe) {
       pipe_ = std::make_unique<PipeLink>(session, node, *wire.rate_hz);
     } else {
       proxy_state_ = std::make_unique<rtbus::Subscription<rtbus::ProxyState>>(session, "physics.proxy_state." + node);
+    }
+    if (needs_contacts) {
+      contacts_ = std::make_unique<rtbus::Subscription<rtbus::ProxyContacts>>(session, "physics.contacts." + node);
     }
     heartbeat_ = std::make_unique<rtbus::Subscription<rtbus::Heartbeat>>(session, "physics.heartbeat");
   }
@@ -40,6 +45,9 @@ class BusLink final : public PhysicsLink {
     if (pipe_) return pipe_->receive(out);
     return proxy_state_ && proxy_state_->read_latest(out) == rtbus::ReadStatus::kFresh;
   }
+  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept RTBUS_NONBLOCKING override {
+    return contacts_ && contacts_->read_latest(out) == rtbus::ReadStatus::kFresh;
+  }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
     return heartbeat_ && heartbeat_->read_latest(out) == rtbus::ReadStatus::kFresh;
   }
@@ -49,6 +57,7 @@ class BusLink final : public PhysicsLink {
   void maintain() noexcept {
     device_state_.maintain();
     if (proxy_state_) proxy_state_->maintain();
+    if (contacts_) contacts_->maintain();
     if (heartbeat_) heartbeat_->maintain();
   }
 
@@ -59,6 +68,7 @@ class BusLink final : public PhysicsLink {
  private:
   rtbus::Publication<rtbus::DeviceState> device_state_;
   std::unique_ptr<rtbus::Subscription<rtbus::ProxyState>> proxy_state_;
+  std::unique_ptr<rtbus::Subscription<rtbus::ProxyContacts>> contacts_;
   std::unique_ptr<rtbus::Subscription<rtbus::Heartbeat>> heartbeat_;
   std::unique_ptr<PipeLink> pipe_;
 };

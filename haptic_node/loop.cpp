@@ -41,6 +41,7 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       // In 1 ms steps: two processes that follow each other get different ones. Fixed where runs must repeat.
       mapping_(config.mapping, measure ? static_cast<std::uint32_t>(rtbus::monotonic_ns() >> 20) : 1),
       renderer_(make_renderer(config, mapping_)),
+      owns_proxy_(find_renderer(config.method)->needs_contacts),
       velocity_(config.velocity),
       safety_(config.safety),
       monitor_(config.link),
@@ -51,7 +52,7 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
     state_.hand_damping_n_s_per_m = config.damping_n_s_per_m;
     state_.prediction_periods = config.prediction_periods;
   }
-  state_.wants = law.needs_contacts ? std::uint32_t{rtbus::kWantsContacts} : 0U;
+  state_.wants = owns_proxy_ ? std::uint32_t{rtbus::kWantsContacts} | rtbus::kOwnsProxy : 0U;
 }
 
 void Loop::note(LoopEvent event) noexcept {
@@ -103,6 +104,14 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
   } else if (!link_alive_ && was_alive) {
     note(LoopEvent::kLinkLost);
   }
+}
+
+bool Loop::contacts_are_new(std::uint64_t now_ns) noexcept {
+  if (!owns_proxy_ || !link_.receive(contact_news_)) return false;
+  // As with the proxy: void when it answers something else than the hand since forces were enabled.
+  const rtbus::ProxyContacts& news = contact_news_.value;
+  return news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch() && news.device_time_ns >= enabled_ns_ &&
+         news.device_time_ns <= now_ns;
 }
 
 void Loop::follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept {
@@ -223,10 +232,12 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   // 3. The force law, then the ladder, then the device.
   RenderInput input;
   input.now_ns = now_ns;
+  input.sample_time_ns = sample_.time_ns;
   input.dt_s = dt_s_;
   input.position_m = position_m;
   input.velocity_m_s = velocity_.velocity_m_s();
   input.proxy = proxy_;
+  if (contacts_are_new(now_ns)) input.contacts = &contact_news_.value;
   const RenderOutput rendered = renderer_->render(input);
 
   SafetyInput wish;
@@ -259,6 +270,14 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
 
   // 4. Tell physics, and keep the books.
   describe_hand(sample_, position_m, enabled);
+  if (owns_proxy_) {
+    renderer_->felt(write_failed_ ? Eigen::Vector3d::Zero() : to_vector(command.force_n));
+    renderer_->tell(state_);
+    if (enabled) {
+      state_.target_position_m = to_array(mapping_.position_to_world(rendered.proxy_position_m));
+      state_.target_velocity_m_s = to_array(mapping_.velocity_to_world(rendered.proxy_velocity_m_s));
+    }
+  }
   if (packet_is_due()) link_.send(state_, now_ns);
   count(safe, safe.force_n);
 

@@ -13,6 +13,7 @@
 #include "haptic_node/rendering/renderer.hpp"
 #include "haptic_node/safety.hpp"
 #include "haptic_node/velocity.hpp"
+#include "rtbus/contact_messages.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/realtime.hpp"
@@ -29,6 +30,10 @@ class PhysicsLink {
   virtual void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING = 0;
   /// The newest answer of physics; true when it is newer than the last one received.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING = 0;
+  /// What is around the proxy; likewise. Asked only by a law that needs it.
+  [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyContacts>& /*out*/) noexcept RTBUS_NONBLOCKING {
+    return false;
+  }
   /// The newest sign of life; true when it is newer than the last one received.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING = 0;
 };
@@ -92,6 +97,7 @@ class Loop {
   void count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING;
   void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool packet_is_due() noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] bool contacts_are_new(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
   const HapticConfig& config_;
   drivers::Device& device_;
@@ -102,6 +108,7 @@ class Loop {
   double packet_phase_;             ///< A packet is due when this reaches 1.
   Mapping mapping_;
   std::unique_ptr<Renderer> renderer_;
+  bool owns_proxy_;  ///< The law does: RendererEntry::needs_contacts.
   VelocityEstimator velocity_;
   SafetyLadder safety_;
   LinkMonitor monitor_;
@@ -110,6 +117,7 @@ class Loop {
   std::uint64_t proxy_step_ = 0;  ///< Its step_index; 0: none since the last beginning.
   rtbus::Stamped<rtbus::ProxyState> proxy_news_;
   rtbus::Stamped<rtbus::Heartbeat> beat_news_;
+  rtbus::Stamped<rtbus::ProxyContacts> contact_news_;
   drivers::DeviceSample sample_;
   bool device_ok_ = false;
   bool device_seen_ = false;        ///< It has answered once.

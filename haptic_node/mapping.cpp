@@ -25,6 +25,10 @@ Eigen::Vector3d Mapping::velocity_to_device(const Eigen::Vector3d& v_W) const no
   return rotation_WD_.transpose() * v_W / config_.position_scale;
 }
 
+Eigen::Vector3d Mapping::force_to_world(const Eigen::Vector3d& f_D) const noexcept {
+  return config_.force_scale * (rotation_WD_ * f_D);
+}
+
 Eigen::Vector3d Mapping::force_to_device(const Eigen::Vector3d& f_W) const noexcept {
   return rotation_WD_.transpose() * f_W / config_.force_scale;
 }

@@ -31,6 +31,7 @@ class Mapping {
       RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d position_to_device(const Eigen::Vector3d& p_W) const noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d velocity_to_device(const Eigen::Vector3d& v_W) const noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] Eigen::Vector3d force_to_world(const Eigen::Vector3d& f_D) const noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] Eigen::Vector3d force_to_device(const Eigen::Vector3d& f_W) const noexcept RTBUS_NONBLOCKING;
 
   /// Shifts the offset so that the device at p_D is at p_W in the world. The set-point jumps there with it, so no

@@ -115,7 +115,8 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   }
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
   node->topics_.reset(new Topics{.link = {std::move(*device_state), session, settings.name,
-                                          find_renderer(settings.method)->needs_physics, settings.wire},
+                                          find_renderer(settings.method)->needs_physics,
+                                          find_renderer(settings.method)->needs_contacts, settings.wire},
                                  .telemetry = std::move(*telemetry),
                                  .loop_stats = std::move(*loop_stats),
                                  .heartbeat = std::move(*heartbeat),

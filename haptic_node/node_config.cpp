@@ -123,6 +123,12 @@ void read_method(Map& entry, const RendererEntry& method, HapticConfig& out) {
   if (out.wire.pipe && !method.needs_physics) {
     entry.fail("link", "has no physics at its other end: method " + out.method + " needs none; leave it out");
   }
+  if (method.needs_contacts && out.wire.paper) {
+    entry.fail("form", "is not for method " + out.method + ", which the paper does not have; leave it out");
+  }
+  if (method.needs_contacts && out.wire.pipe) {
+    entry.fail("link", "carries no contacts, which method " + out.method + " needs; use bus");
+  }
   // One period of the ramp and half a period of age: what lies between the sampling of a hand and the force.
   out.prediction_periods = entry.number("prediction_periods", {0.0, 10.0}, 1.5);
   if (method.server_force != ServerForce::kPredicted) out.prediction_periods = 0.0;
@@ -201,6 +207,9 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
     entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");
   }
 
+  if (method->needs_contacts && !session.scene.soft_bodies.empty()) {
+    entry.fail("method", "does not feel soft bodies, which the scene has; use remote_virtual_coupling");
+  }
   if (!method->needs_physics && out.shapes.size() > kMaxDirectShapes) {
     entry.fail("method", "looks at every shape in every cycle and takes at most " + std::to_string(kMaxDirectShapes) +
                              "; the scene has " + std::to_string(out.shapes.size()) + ": use remote_virtual_coupling");

@@ -62,6 +62,8 @@ void fill_support(const Support& support, std::size_t i, rtbus::ProxyContacts& o
   out.support_force_n[i] = support.normal_force_n;
   out.support_friction[i] = support.friction;
   out.support_velocity_m_s[i] = array_of(support.surface_velocity_m_s);
+  out.support_inverse_mass_per_kg[i] = support.inverse_mass_per_kg;
+  out.support_points[i] = support.points;
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "physics_node/contact_message.hpp"
+#include "rtbus/clock.hpp"
 
 namespace physics {
 namespace {
@@ -15,7 +16,12 @@ Vector3d vector_of(const rtbus::Vec3& v) { return {v[0], v[1], v[2]}; }
 rtbus::Vec3 array_of(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 bool usable(const rtbus::DeviceState& device) {
-  return vector_of(device.target_position_m).allFinite() && vector_of(device.target_velocity_m_s).allFinite() &&
+  const auto finite = [](const auto& rows) {
+    return std::all_of(rows.begin(), rows.end(), [](const rtbus::Vec3& v) { return vector_of(v).allFinite(); });
+  };
+  return finite(device.touched_impulse_n_s) && finite(device.touched_angular_n_m_s) &&
+         finite(device.touched_travel_n_s2) &&
+         vector_of(device.target_position_m).allFinite() && vector_of(device.target_velocity_m_s).allFinite() &&
          std::isfinite(device.position_scale) && device.position_scale > 0.0 && std::isfinite(device.force_scale) &&
          device.force_scale > 0.0 && std::isfinite(device.hand_stiffness_n_per_m) &&
          std::isfinite(device.hand_damping_n_s_per_m) && std::isfinite(device.prediction_periods);
@@ -61,11 +67,61 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   link.silent = false;
   link.enabled = device.enabled != 0;
   link.wants_contacts = (device.wants & rtbus::kWantsContacts) != 0;
+  link.owns_proxy = (device.wants & rtbus::kOwnsProxy) != 0;
+  take_touched(link, device, begins);
   link.position_scale = device.position_scale;
   link.mapping_epoch = device.mapping_epoch;
   link.device_sequence = sequence;
   link.device_time_ns = device.sample_time_ns;
   if (begins) rebase(proxy);
+}
+
+void Stepper::take_touched(Link& link, const rtbus::DeviceState& device, bool begins) {
+  Touched now;
+  now.body = device.touched_body;
+  now.turn = device.touched_turn;
+  now.time_ns = device.sample_time_ns;
+  const double elapsed_s =
+      now.time_ns > link.touched.time_ns ? rtbus::seconds_between(link.touched.time_ns, now.time_ns) : 0.0;
+  for (std::size_t i = 0; i < rtbus::kTouchedRows; ++i) {
+    now.impulse_n_s[i] = vector_of(device.touched_impulse_n_s[i]);
+    now.angular_n_m_s[i] = vector_of(device.touched_angular_n_m_s[i]);
+    now.travel_n_s2[i] = vector_of(device.touched_travel_n_s2[i]);
+    Given& given = link.given[i];
+    if (begins || !link.owns_proxy) given = Given{};
+    if (begins || !link.owns_proxy || now.turn[i] == 0) continue;
+    const bool same = now.turn[i] == link.touched.turn[i] && now.body[i] == link.touched.body[i];
+    const auto since = [&](const Vector3d& value, const Vector3d& before) { return same ? Vector3d(value - before) : value; };
+    if (given.body != now.body[i]) given = Given{};
+    given.body = now.body[i];
+    given.impulse_n_s += since(now.impulse_n_s[i], link.touched.impulse_n_s[i]);
+    given.angular_n_m_s += since(now.angular_n_m_s[i], link.touched.angular_n_m_s[i]);
+    // Of an impulse J at one instant, the travel since is J times the time that is left.
+    const Vector3d travel = since(now.travel_n_s2[i], link.touched.travel_n_s2[i]) -
+                            elapsed_s * (same ? link.touched.impulse_n_s[i] : Vector3d::Zero());
+    const double square = given.impulse_n_s.squaredNorm();
+    given.middle = 0.5;
+    if (square > 0.0 && elapsed_s > 0.0) {
+      given.middle = std::clamp(1.0 - travel.dot(given.impulse_n_s) / (square * elapsed_s), 0.0, 1.0);
+    }
+  }
+  link.touched = now;
+}
+
+/// The share of what the bodies are given that falls into the part of a step of `dt_s` seconds from `from` to `to`, shares of
+/// the step.
+void Stepper::give(std::size_t proxy, double from, double to, double dt_s) {
+  Link& link = links_[proxy];
+  for (const Given& given : link.given) {
+    if (given.impulse_n_s.isZero(0.0) && given.angular_n_m_s.isZero(0.0)) continue;
+    // As wide around the middle as the step allows, one part at least.
+    const double width = std::max(to - from, 2.0 * std::min(given.middle, 1.0 - given.middle));
+    const double begin = std::clamp(given.middle - 0.5 * width, 0.0, 1.0 - width);
+    const double share = (std::min(to, begin + width) - std::max(from, begin)) / width;
+    if (share <= 0.0) continue;
+    const double per_s = share / ((to - from) * dt_s);
+    world_->push_body(proxy, given.body, per_s * given.impulse_n_s, per_s * given.angular_n_m_s);
+  }
 }
 
 void Stepper::release(std::size_t proxy) {
@@ -74,6 +130,7 @@ void Stepper::release(std::size_t proxy) {
   link.target.velocity_m_s.setZero();
   link.silent = true;
   link.wants_contacts = false;
+  link.given = {};
   world_->release_proxy(proxy);
 }
 
@@ -108,6 +165,11 @@ void Stepper::step(double dt_s, int substeps) {
     for (std::size_t i = 0; i < links_.size(); ++i) {
       const Link& link = links_[i];
       if (!link.connected || link.silent || link.config.wire.paper) continue;
+      if (link.owns_proxy) {
+        world_->place_proxy(i, link.target.position_m, link.target.velocity_m_s);
+        give(i, (part - 1.0) / substeps, static_cast<double>(part) / substeps, dt_s);
+        continue;
+      }
       ProxyTarget target = link.target;
       target.position_m = end_of(link);
       if (!link.enabled) target.velocity_m_s.setZero();  // nothing may drag a proxy that nobody feels
@@ -126,7 +188,16 @@ void Stepper::step(double dt_s, int substeps) {
       link.contacts = std::max(link.contacts, readout.contacts);
     }
   }
-  for (Link& link : links_) link.previous_target_m = end_of(link);
+  for (Link& link : links_) {
+    link.previous_target_m = end_of(link);
+    if (!link.owns_proxy) continue;
+    for (const Given& given : link.given) {
+      link.contact_force_n -= given.impulse_n_s / dt_s;
+      link.contacts += given.impulse_n_s.isZero(0.0) ? 0U : 1U;
+    }
+    link.coupling_force_n = -link.contact_force_n;
+    link.given = {};
+  }
   step_s_ = dt_s;
   simulated_s_ += dt_s;
   ++steps_;

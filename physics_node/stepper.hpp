@@ -2,6 +2,7 @@
 /// @file stepper.hpp
 /// The core of the physics node without process, clock or bus: device states in, proxy states out. The node drives it
 /// by its clock; the deterministic harness drives it by a simulated one.
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -21,6 +22,10 @@ namespace physics {
 /// the velocity relative to the hand, the target moves during the step. Paper (He & Choi 2013, section III): the force
 /// of the spring is computed once, at the step's beginning, F = K(P_h − P_p) − B·V_p with the absolute velocity, and
 /// held over the step: an explicit spring, which diverges when h²·K or h·B of the whole step is large against the mass.
+///
+/// A device whose law moves the proxy by itself (DeviceState::wants, kOwnsProxy) pulls at none here: the proxy is put where
+/// the law has it, pushes nothing, and each body gets in a step the impulse that the hand has felt from it since the step
+/// before (touched_…), spread around the time when it was felt. That is Newton's third law: nothing is lost, nothing doubled.
 ///
 /// A device that orders it (DeviceState::hand_stiffness_n_per_m …) also gets the force on the hand, eq. (3) and (4):
 /// K(P_p + n·h·V_p − P_h) − B·V_p with n = prediction_periods; in the improved form the damper is relative, B(V_p −
@@ -76,6 +81,19 @@ class Stepper {
   [[nodiscard]] const World& world() const noexcept { return *world_; }
 
  private:
+  /// DeviceState::touched_… and when.
+  struct Touched {
+    std::array<std::uint32_t, rtbus::kTouchedRows> body{}, turn{};
+    std::array<Eigen::Vector3d, rtbus::kTouchedRows> impulse_n_s, angular_n_m_s, travel_n_s2;
+    std::uint64_t time_ns = 0;
+  };
+  /// What a body is given in the next step.
+  struct Given {
+    std::size_t body = 0;
+    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
+    Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
+    double middle = 0.5;  ///< When in the step, as a share of it.
+  };
   /// Between one device and its proxy.
   struct Link {
     ProxyConfig config;
@@ -95,7 +113,12 @@ class Stepper {
     double hand_stiffness_n_per_m = 0.0;  // the order, in the world
     double hand_damping_n_s_per_m = 0.0;
     double prediction_periods = 0.0;
+    bool owns_proxy = false;  // the device does: bodies get what it gives them, nothing else
+    Touched touched;          // as of its newest state
+    std::array<Given, rtbus::kTouchedRows> given;  // by the next step
   };
+  void take_touched(Link& link, const rtbus::DeviceState& device, bool begins);
+  void give(std::size_t proxy, double from, double to, double dt_s);
   [[nodiscard]] ProxyTarget explicit_spring(std::size_t proxy) const;
   [[nodiscard]] Eigen::Vector3d hand_force_n(const Link& link, const ProxyReadout& readout) const;
   void rebase(std::size_t proxy);

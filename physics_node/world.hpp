@@ -68,6 +68,16 @@ class World {
   /// reset_proxy().
   virtual void release_proxy(std::size_t proxy) = 0;
 
+  /// Somebody else moves the tool: it is there, pulls nothing and touches nothing, and contacts() tells what is around it.
+  /// Holds until reset_proxy(). A released one stays released.
+  virtual void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m,
+                           const Eigen::Vector3d& velocity_m_s) = 0;
+
+  /// What the tool that somebody else moves does to a body in the next step: a force at its centre of mass, constant over
+  /// the step, and a torque. Wakes it. Nothing for a body that no force moves. Several pushes of one body add up.
+  virtual void push_body(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
+                         const Eigen::Vector3d& torque_n_m) = 0;
+
   /// The spring is integrated implicitly together with the contacts: any stiffness and step stay stable.
   virtual void set_proxy_target(std::size_t proxy, const ProxyTarget& target) = 0;
 

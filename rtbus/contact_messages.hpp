@@ -60,6 +60,8 @@ struct ProxyContacts {
   std::array<double, kSupportSlots> support_force_n{};
   std::array<double, kSupportSlots> support_friction{};
   std::array<Vec3, kSupportSlots> support_velocity_m_s{};
+  std::array<double, kSupportSlots> support_inverse_mass_per_kg{};  ///< Of what holds; 0: no force moves it.
+  std::array<std::uint32_t, kSupportSlots> support_points{};  ///< Contact points that carry: 1 a point, 3 or more a patch.
 };
 
 template <>
@@ -107,9 +109,11 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, support_normal, "1"),
                                       RTBUS_FIELD(T, support_force_n, "N"),
                                       RTBUS_FIELD(T, support_friction, "1"),
-                                      RTBUS_FIELD(T, support_velocity_m_s, "m/s")};
+                                      RTBUS_FIELD(T, support_velocity_m_s, "m/s"),
+                                      RTBUS_FIELD(T, support_inverse_mass_per_kg, "1/kg"),
+                                      RTBUS_FIELD(T, support_points, "1")};
 };
 
-static_assert(sizeof(ProxyContacts) == 9664 && Sample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 10048 && Sample<ProxyContacts>);
 
 }  // namespace rtbus

@@ -17,6 +17,9 @@ using Quat = std::array<double, 4>;  ///< (w, x, y, z)
 template <std::size_t N>
 using Text = std::array<char, N>;
 
+/// Bodies that a hand may push in one physics step, where the force law integrates the proxy itself.
+inline constexpr std::size_t kTouchedRows = 4;
+
 /// `<haptic>.device_state`, every tick: where the hand is, and where that is in the world.
 struct DeviceState {
   Vec3 position_m{};                         ///< p_DT.
@@ -35,10 +38,21 @@ struct DeviceState {
   std::uint32_t mapping_epoch = 0;           ///< Grows when the mapping is re-based and each time forces are enabled.
   std::uint32_t enabled = 0;                 ///< 1 while forces may act.
   std::uint32_t wants = 0;                   ///< What the force law needs besides ProxyState: bits of DeviceWants.
+
+  // With kOwnsProxy, in W: what the hand has done to bodies up to this sample, itself included. Sums, so that a sample which
+  // nobody reads loses nothing; the difference between two samples of one row and turn is what came in between.
+  std::array<std::uint32_t, kTouchedRows> touched_body{};     ///< In the scene's order.
+  std::array<std::uint32_t, kTouchedRows> touched_turn{};     ///< Another number: another body, from zero. 0: not in use.
+  std::array<Vec3, kTouchedRows> touched_impulse_n_s{};       ///< On the body.
+  std::array<Vec3, kTouchedRows> touched_angular_n_m_s{};     ///< About its centre of mass.
+  std::array<Vec3, kTouchedRows> touched_travel_n_s2{};       ///< ∫ impulse dt: when in between it came.
 };
 
 /// Bits of DeviceState::wants.
-enum DeviceWants : std::uint32_t { kWantsContacts = 1u << 0 };  ///< ProxyContacts, contact_messages.hpp.
+enum DeviceWants : std::uint32_t {
+  kWantsContacts = 1u << 0,  ///< ProxyContacts, contact_messages.hpp.
+  kOwnsProxy = 1u << 1,      ///< The law moves the proxy: the target is where it has it, and bodies get touched_… only.
+};
 
 /// `physics.proxy_state.<haptic>`, every physics step: where the world lets the tool be.
 struct ProxyState {
@@ -211,7 +225,12 @@ struct SampleTraits<DeviceState> {
                                       RTBUS_FIELD(T, buttons, "bits"),
                                       RTBUS_FIELD(T, mapping_epoch, "1"),
                                       RTBUS_FIELD(T, enabled, "bool"),
-                                      RTBUS_FIELD(T, wants, "bits")};
+                                      RTBUS_FIELD(T, wants, "bits"),
+                                      RTBUS_FIELD(T, touched_body, "1"),
+                                      RTBUS_FIELD(T, touched_turn, "1"),
+                                      RTBUS_FIELD(T, touched_impulse_n_s, "N.s"),
+                                      RTBUS_FIELD(T, touched_angular_n_m_s, "N.m.s"),
+                                      RTBUS_FIELD(T, touched_travel_n_s2, "N.s2")};
 };
 template <>
 struct SampleTraits<ProxyState> {
@@ -360,7 +379,7 @@ struct SampleTraits<PlantState> {
                                       RTBUS_FIELD(T, buttons, "bits"),          RTBUS_FIELD(T, timed_out, "bool")};
 };
 
-static_assert(sizeof(DeviceState) == 224 && Sample<DeviceState>);
+static_assert(sizeof(DeviceState) == 544 && Sample<DeviceState>);
 static_assert(sizeof(ProxyState) == 224 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 536 && Sample<NodeInfo>);

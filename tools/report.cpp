@@ -41,7 +41,7 @@ Json force_error(const HapticFigures& haptic) {
     json["reference"] = "staleness: the same force law with the proxy that physics published for that instant";
     json["ticks"] = haptic.error->force_n.count;
     json["ticks_without_reference"] = haptic.error->dropped;
-  } else if (haptic.needs_physics) {
+  } else if (haptic.needs_physics && !haptic.finds_proxy) {
     json["reason"] = "no tick lies between two proxies of physics: the run was too short, or physics was away";
   } else {
     json["reason"] = "the law finds its proxy in the haptic loop itself, so it is never stale";

@@ -36,6 +36,7 @@ struct HapticFigures {
   rtbus::LoopStats stats;  ///< The last that the node published: everything since its loop started.
   std::optional<rtbus::LinkStats> link;  ///< Of a device over USB: likewise.
   bool needs_physics = false;
+  bool finds_proxy = false;  ///< The law does, in the loop: its force is never stale.
   std::uint64_t observed_ticks = 0;       ///< Ticks whose telemetry was seen here.
   std::uint64_t missed_by_observer = 0;   ///< Telemetry that was overwritten before it could be read.
   double generated_peak_j = 0.0;          ///< Most energy that the device had given the hand, net, at any tick.

@@ -34,7 +34,9 @@ HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::Hapt
       mapping_(config.mapping) {
   if (config.device && config.device->uses_usb()) link_reader_.emplace(session, config.name + ".link_stats");
   const haptic::RendererEntry* const law = haptic::find_renderer(config.method);
-  if (law == nullptr || !law->needs_physics) return;
+  // A law that integrates the proxy itself is not one of the newest proxy: it has no staleness of this kind.
+  needs_physics_ = law != nullptr && law->needs_physics;
+  if (!needs_physics_ || law->needs_contacts) return;
   // A reference is the law without delay: of interpolation the force itself, without ramp (one cycle in improved form).
   const auto make_law = [&](const haptic::Mapping& mapping) {
     return law->make({config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes,
@@ -97,6 +99,7 @@ HapticFigures HapticObserver::figures() const {
   out.generated_peak_j = generated_peak_j_;
   out.ledger_min_j = ledger_min_j_;
   out.needs_physics = needs_physics();
+  out.finds_proxy = !error_.has_value();
   if (error_ && error_->compared() > 0) {
     out.error = StalenessFigures{error_->force_n(), error_->position_m(), error_->dropped()};
   }

@@ -56,7 +56,7 @@ class HapticObserver {
   [[nodiscard]] ProxyFigures proxy_figures() const;
 
   [[nodiscard]] const haptic::HapticConfig& config() const noexcept { return config_; }
-  [[nodiscard]] bool needs_physics() const noexcept { return error_.has_value(); }
+  [[nodiscard]] bool needs_physics() const noexcept { return needs_physics_; }
   [[nodiscard]] const rtbus::NodeInfo& info() const noexcept { return info_.value; }
   [[nodiscard]] const rtbus::Telemetry& last_tick() const noexcept { return tick_.value; }
   [[nodiscard]] double achieved_hz() const noexcept { return stats_.value.achieved_hz; }
@@ -76,7 +76,8 @@ class HapticObserver {
   rtbus::Subscription<rtbus::NodeInfo> info_reader_;
   rtbus::Subscription<rtbus::ProxyState> proxies_;
   std::optional<rtbus::Subscription<rtbus::LinkStats>> link_reader_;  ///< Of a device over USB.
-  std::optional<LiveError> error_;  ///< None for a law that needs no physics.
+  bool needs_physics_ = false;
+  std::optional<LiveError> error_;  ///< None for a law that finds the proxy in the loop.
 
   rtbus::Stamped<rtbus::Telemetry> tick_;
   rtbus::Stamped<rtbus::ProxyState> proxy_;

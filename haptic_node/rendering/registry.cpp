@@ -5,6 +5,7 @@
 
 #include "haptic_node/rendering/direct.hpp"
 #include "haptic_node/rendering/interpolation.hpp"
+#include "haptic_node/rendering/local_contact.hpp"
 #include "haptic_node/rendering/remote_virtual_coupling.hpp"
 #include "haptic_node/rendering/virtual_coupling.hpp"
 
@@ -34,10 +35,15 @@ std::unique_ptr<Renderer> make_virtual_coupling(const RendererContext& context) 
                                            context.paper, context.mapping, context.shapes);
 }
 
+std::unique_ptr<Renderer> make_local_contact(const RendererContext& context) {
+  return std::make_unique<LocalContact>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.mapping);
+}
+
 constexpr std::array kRenderers{
     RendererEntry{"direct", false, false, &make_direct},
     RendererEntry{"virtual_coupling", false, false, &make_virtual_coupling},
     RendererEntry{"remote_virtual_coupling", true, false, &make_remote_virtual_coupling, ServerForce::kNone, true},
+    RendererEntry{"local_contact", true, true, &make_local_contact},
     RendererEntry{"interpolation", true, false, &make_interpolation, ServerForce::kPlain},
     RendererEntry{"interpolation_predicted", true, false, &make_interpolation_predicted, ServerForce::kPredicted},
 };

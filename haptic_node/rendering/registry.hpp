@@ -33,7 +33,9 @@ enum class ServerForce : std::uint8_t {
 struct RendererEntry {
   std::string_view name;
   bool needs_physics;
-  bool needs_contacts;  ///< Physics is asked to publish ProxyContacts (rtbus/contact_messages.hpp); else it saves the work.
+  /// The law integrates the proxy itself: physics publishes ProxyContacts (rtbus/contact_messages.hpp), which it else saves,
+  /// and its proxy follows without pushing.
+  bool needs_contacts;
   std::unique_ptr<Renderer> (*make)(const RendererContext& context);
   ServerForce server_force = ServerForce::kNone;
   bool books_world = false;  ///< Its spring ends at the proxy: the work that the world does there is booked as well.

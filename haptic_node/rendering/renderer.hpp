@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 
 namespace haptic {
@@ -27,10 +28,13 @@ struct ProxyView {
 /// What a law may look at, every tick.
 struct RenderInput {
   std::uint64_t now_ns = 0;
+  std::uint64_t sample_time_ns = 0;                        ///< When the device measured the pose.
   double dt_s = 0.0;                                       ///< Period of the loop, > 0.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DT.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DT, estimated.
   ProxyView proxy;
+  /// Set in the cycle that sees them first, and only for a law that asks for them (registry.hpp); in W.
+  const rtbus::ProxyContacts* contacts = nullptr;
 };
 
 /// What it answers.
@@ -53,6 +57,12 @@ class Renderer {
 
   /// @realtime Yes, bounded, no allocation.
   [[nodiscard]] virtual RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING = 0;
+
+  /// What left for the hand after render(), in D: the force after the ladder, or zero. @realtime Yes.
+  virtual void felt(const Eigen::Vector3d& /*force_n*/) noexcept RTBUS_NONBLOCKING {}
+
+  /// Adds what physics has to know. @realtime Yes.
+  virtual void tell(rtbus::DeviceState& /*out*/) const noexcept RTBUS_NONBLOCKING {}
 
   /// Forgets history: each time forces are enabled, physics comes back, or the mapping is re-based. @realtime Yes.
   virtual void reset() noexcept RTBUS_NONBLOCKING = 0;

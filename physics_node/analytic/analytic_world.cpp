@@ -35,7 +35,7 @@ std::size_t AnalyticWorld::add_proxy(const ProxyParameters& parameters) {
 void AnalyticWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
   Proxy& proxy = proxies_.at(index);
   if (!position_m.allFinite()) return;
-  proxy.released = false;
+  proxy.released = proxy.placed = false;
   proxy.state = ProxyReadout{};
   proxy.state.position_m = clamp_each(position_m, kMaxPositionM);
   proxy.target.position_m = proxy.state.position_m;
@@ -47,6 +47,15 @@ void AnalyticWorld::release_proxy(std::size_t index) {
   const Vector3d place = proxies_.at(index).state.position_m;  // a copy: the state is cleared before it is used
   reset_proxy(index, place);
   proxies_[index].released = true;
+}
+
+void AnalyticWorld::place_proxy(std::size_t index, const Vector3d& position_m, const Vector3d& velocity_m_s) {
+  Proxy& proxy = proxies_.at(index);
+  if (proxy.released || !position_m.allFinite() || !velocity_m_s.allFinite()) return;
+  proxy.placed = true;
+  proxy.state = ProxyReadout{};
+  proxy.state.position_m = clamp_each(position_m, kMaxPositionM);
+  proxy.state.velocity_m_s = clamp_each(velocity_m_s, kMaxVelocityMS);
 }
 
 void AnalyticWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) {
@@ -66,7 +75,7 @@ void AnalyticWorld::step(double step_s) {
   if (!std::isfinite(step_s) || step_s <= 0.0) return;
   const double h = std::clamp(step_s, kMinStepS, kMaxStepS);
   for (Proxy& proxy : proxies_) {
-    if (!proxy.released) step_proxy(proxy, h);
+    if (!proxy.released && !proxy.placed) step_proxy(proxy, h);
   }
 }
 

@@ -39,6 +39,8 @@ class AnalyticWorld final : public World {
   std::size_t add_proxy(const ProxyParameters& parameters) override;
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
   void release_proxy(std::size_t proxy) override;
+  void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s) override;
+  void push_body(std::size_t, std::size_t, const Eigen::Vector3d&, const Eigen::Vector3d&) override {}  // none moves
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
@@ -55,6 +57,7 @@ class AnalyticWorld final : public World {
     ProxyTarget target;
     ProxyReadout state;
     bool released = false;
+    bool placed = false;  // by somebody else
   };
   void step_proxy(Proxy& proxy, double h) const;
 

@@ -1,5 +1,6 @@
 /// What BulletWorld says about the surroundings of a proxy. Reads positions, velocities and the impulses that the
 /// solver left in the manifolds; runs no collision query of Bullet's and changes nothing.
+#include <algorithm>
 #include <cmath>
 
 #include "physics_node/bullet/bullet_world.hpp"
@@ -103,6 +104,24 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
       if (manifold.getBody1() == held) add_held_by(proxy, manifold, false, row, out);
     }
   }
+  // Where there are too many, those of the body that is nearest matter most.
+  std::stable_sort(out.supports.begin(), out.supports.end(),
+                   [](const Support& a, const Support& b) { return a.row < b.row; });
+  if (out.supports.size() > kMaxSupports) {
+    out.supports_overflow = static_cast<std::uint32_t>(out.supports.size() - kMaxSupports);
+    out.supports.resize(kMaxSupports);
+  }
+  for (const Push& push : pushed_) {
+    for (BodyBehind& behind : out.bodies) {
+      if (behind.body != push.body || behind.kind != BodyKind::kDynamic) continue;
+      if (proxies_[push.proxy].get() == &proxy) {
+        behind.proxy_force_n += push.force_n;
+      } else {
+        behind.external_force_n += push.force_n;
+        behind.external_torque_n_m += push.torque_n_m;
+      }
+    }
+  }
   for (BodyBehind& behind : out.bodies) {
     const btRigidBody& rigid = *bodies_[behind.body].rigid;
     if (behind.kind != BodyKind::kDynamic || rigid.isActive() || behind.friction_bound_n > 0.0) continue;
@@ -139,18 +158,16 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
     support.point_m += force.normal_n * force.point_m;
     support.normal += push_n;
     support.normal_force_n += force.normal_n;
+    ++support.points;
   }
   if (support.normal_force_n <= 0.0 || support.normal.norm() <= 0.0) return;
   support.point_m /= support.normal_force_n;
   support.normal.normalize();
   support.friction = pair_friction(held, other);
+  support.inverse_mass_per_kg = static_cast<double>(other.getInvMass());
   support.surface_velocity_m_s = velocity_at(other, support.point_m, scale_);
   behind.friction_bound_n += support.friction * support.normal_force_n;
-  if (out.supports.size() < kMaxSupports) {
-    out.supports.push_back(support);
-  } else {
-    ++out.supports_overflow;
-  }
+  out.supports.push_back(support);
 }
 
 void BulletWorld::contacts(std::size_t index, double radius_m, ContactSet& out) const {

@@ -43,6 +43,12 @@ void BulletProxy::reset(Vector3d position_m) {
   target_.force_n.setZero();
 }
 
+void BulletProxy::put(const Vector3d& position_m, const Vector3d& velocity_m_s) {
+  if (!position_m.allFinite() || !velocity_m_s.allFinite()) return;
+  state_ = ProxyReadout{};
+  place(clamped(position_m), clamp_each(velocity_m_s, kMaxVelocityMS));
+}
+
 void BulletProxy::set_target(const ProxyTarget& target) {
   if (!target.position_m.allFinite() || !target.velocity_m_s.allFinite() || !std::isfinite(target.stiffness_n_per_m) ||
       !std::isfinite(target.damping_n_s_per_m) || !target.force_n.allFinite()) {

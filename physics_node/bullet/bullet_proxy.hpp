@@ -40,6 +40,8 @@ class BulletProxy {
 
   /// By value: the place may be that of state(), which is cleared.
   void reset(Eigen::Vector3d position_m);
+  /// Somebody else moves it: there, without pulling. reset() takes that back.
+  void put(const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s);
   void set_target(const ProxyTarget& target);
 
   /// Mass and velocity for a step of `h` seconds.
@@ -59,6 +61,9 @@ class BulletProxy {
   /// Out of the world: BulletWorld takes it out and puts it back.
   [[nodiscard]] bool released() const noexcept { return released_; }
   void set_released(bool released) noexcept { released_ = released; }
+  /// Out of the world as well, and moved by somebody else.
+  [[nodiscard]] bool placed() const noexcept { return placed_; }
+  void set_placed(bool placed) noexcept { placed_ = placed; }
   [[nodiscard]] const ProxyReadout& state() const noexcept { return state_; }
 
  private:
@@ -79,6 +84,7 @@ class BulletProxy {
   btVector3 free_velocity_{0, 0, 0};                          // as handed to Bullet
   bool touched_ = false;
   bool released_ = false;
+  bool placed_ = false;
 };
 
 }  // namespace physics::bullet

@@ -156,8 +156,9 @@ void BulletWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
   BulletProxy& proxy = *proxies_.at(index);
   if (!position_m.allFinite()) return;
   proxy.reset(position_m);
-  if (proxy.released()) {
+  if (proxy.released() || proxy.placed()) {
     proxy.set_released(false);
+    proxy.set_placed(false);
     world_->addRigidBody(&proxy.body(), kProxyGroup, kStaticGroup | kMovingGroup);
     return;
   }
@@ -169,6 +170,13 @@ void BulletWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
 void BulletWorld::release_proxy(std::size_t index) {
   BulletProxy& proxy = *proxies_.at(index);
   if (proxy.released()) return;
+  if (!proxy.placed()) take_out(proxy);
+  proxy.set_placed(false);
+  proxy.reset(proxy.state().position_m);
+  proxy.set_released(true);
+}
+
+void BulletWorld::take_out(BulletProxy& proxy) {
   // What it has touched stays awake until it has found its own rest.
   for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
     const btPersistentManifold* const manifold = dispatcher_.getInternalManifoldPointer()[i];
@@ -176,8 +184,20 @@ void BulletWorld::release_proxy(std::size_t index) {
     if (manifold->getBody1() == &proxy.body()) manifold->getBody0()->activate();
   }
   world_->removeRigidBody(&proxy.body());
-  proxy.reset(proxy.state().position_m);
-  proxy.set_released(true);
+}
+
+void BulletWorld::place_proxy(std::size_t index, const Vector3d& position_m, const Vector3d& velocity_m_s) {
+  BulletProxy& proxy = *proxies_.at(index);
+  if (proxy.released()) return;
+  if (!proxy.placed()) take_out(proxy);
+  proxy.set_placed(true);
+  proxy.put(position_m, velocity_m_s);
+}
+
+void BulletWorld::push_body(std::size_t proxy, std::size_t body, const Vector3d& force_n, const Vector3d& torque_n_m) {
+  if (body >= bodies_.size() || bodies_[body].rigid->isStaticOrKinematicObject()) return;
+  if (!force_n.allFinite() || !torque_n_m.allFinite()) return;
+  pushes_.push_back({proxy, body, force_n, torque_n_m});
 }
 
 void BulletWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) { proxies_.at(index)->set_target(target); }
@@ -221,7 +241,17 @@ void BulletWorld::step(double step_s) {
   world_->getSolverInfo().m_restitutionVelocityThreshold = static_cast<btScalar>(2.0 * gravity_m_s2_ * h * scale_);
 
   place_moving(h);
-  for (const auto& proxy : proxies_) proxy->before_step(h);
+  for (const auto& proxy : proxies_) {
+    if (!proxy->placed()) proxy->before_step(h);
+  }
+  for (const Push& push : pushes_) {
+    btRigidBody& rigid = *bodies_[push.body].rigid;
+    rigid.activate();
+    rigid.applyCentralForce(to_bullet(push.force_n, scale_));
+    rigid.applyTorque(to_bullet(push.torque_n_m, scale_ * scale_));
+  }
+  pushed_.swap(pushes_);
+  pushes_.clear();
   before_dynamics(h);
   world_->stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
   after_dynamics(h);
@@ -232,7 +262,7 @@ void BulletWorld::step(double step_s) {
     each.rigid->setWorldTransform(pose_of(each.rigid->getUserIndex(), at));
   }
   for (const auto& proxy : proxies_) {
-    if (proxy->released()) continue;
+    if (proxy->released() || proxy->placed()) continue;
     proxy->after_step(h, [this, &proxy] { return contacts_of(proxy->body()); });
   }
 }

@@ -45,6 +45,9 @@ class BulletWorld : public World {
   std::size_t add_proxy(const ProxyParameters& parameters) override;
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
   void release_proxy(std::size_t proxy) override;
+  void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s) override;
+  void push_body(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
+                 const Eigen::Vector3d& torque_n_m) override;
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
@@ -86,6 +89,7 @@ class BulletWorld : public World {
   };
   void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
   void place_moving(double h);
+  void take_out(BulletProxy& proxy);
   [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
   void find_contacts(const BulletProxy& proxy, double radius_m, FoundContacts& out) const;
   void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
@@ -109,6 +113,12 @@ class BulletWorld : public World {
   std::vector<SceneBody> bodies_;
   std::vector<MovingBody> moving_;
   std::vector<std::unique_ptr<BulletProxy>> proxies_;
+  /// What proxies that somebody else moves do to bodies: for the next step, and in the last one, for contacts().
+  struct Push {
+    std::size_t proxy, body;
+    Eigen::Vector3d force_n, torque_n_m;
+  };
+  std::vector<Push> pushes_, pushed_;
   double time_s_ = 0.0;  // simulated so far
   double step_s_ = 1.0;  // the last step
 };

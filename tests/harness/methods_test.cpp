@@ -115,7 +115,7 @@ INSTANTIATE_TEST_SUITE_P(Forms, NeedsPhysics,
                          testing::Values(Law{"remote_virtual_coupling", "improved"},
                                          Law{"remote_virtual_coupling", "paper"}, Law{"interpolation", "improved"},
                                          Law{"interpolation", "paper"}, Law{"interpolation_predicted", "improved"},
-                                         Law{"interpolation_predicted", "paper"}),
+                                         Law{"interpolation_predicted", "paper"}, Law{"local_contact", "improved"}),
                          [](const auto& row) { return std::string(row.param.method) + "_" + row.param.form; });
 
 TEST(Forms, RepeatBitForBit) {
@@ -147,7 +147,7 @@ TEST(Forms, ControlTheEnergyUnlessNobodyCanHoldTheDevice) {
 
 TEST(LeftOut, NoPhysicsProcessIsStartedThatNoMethodAsksFor) {
   for (const haptic::RendererEntry& law : haptic::registered_renderers()) {
-    const auto plan = tools::make_run_plan(config("drop_paper.yaml"), {"haptic.0.method=" + std::string(law.name)});
+    const auto plan = tools::make_run_plan(config("drop_paper.yaml"), {"haptic.0.method=" + std::string(law.name), "haptic.0.form=improved"});
     const bool physics =
         std::any_of(plan.nodes.begin(), plan.nodes.end(), [](const auto& node) { return node.name == "physics"; });
     EXPECT_EQ(physics, law.needs_physics) << law.name;

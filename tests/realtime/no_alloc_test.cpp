@@ -55,7 +55,7 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   auto device_state = rtbus::Publication<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
   auto telemetry = rtbus::Publication<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
   ASSERT_TRUE(device_state && telemetry);
-  haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", loop_needs_physics, config.wire);
+  haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", loop_needs_physics, loop_needs_physics, config.wire);
   haptic::Loop loop(config, **device, link, true);
   rtbus::EventLog events;
 

@@ -144,6 +144,12 @@ void Harness::step_physics(std::uint64_t begin_ns) {
     }
     if (options_.lost_share > 0.0 && link.random.fraction() < options_.lost_share) continue;
     hands_[i]->under_way.push_back(answer);
+    if (!stepper_->wants_contacts(i)) continue;
+    rtbus::Stamped<rtbus::ProxyContacts> contacts;
+    stepper_->contacts(i, physics_->contact_radius_m.value_or(0.0), contacts.value);
+    contacts.sequence = answer.sequence;
+    contacts.stamp_ns = answer.stamp_ns;
+    hands_[i]->contacts_under_way.push_back(contacts);
   }
 }
 
@@ -157,6 +163,11 @@ void Harness::advance_physics(std::uint64_t now_ns) {
       hand->link.proxy = hand->under_way.front();
       hand->link.proxy_fresh = true;
       hand->under_way.pop_front();
+    }
+    while (!hand->contacts_under_way.empty() && hand->contacts_under_way.front().stamp_ns <= now_ns) {
+      hand->link.contacts = hand->contacts_under_way.front();
+      hand->link.contacts_fresh = true;
+      hand->contacts_under_way.pop_front();
     }
   }
   for (; next_beat_ns_ <= now_ns; next_beat_ns_ += kBeatPeriod_ns) {

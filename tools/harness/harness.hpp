@@ -98,13 +98,18 @@ class Harness {
     bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept override {
       return std::exchange(proxy_fresh, false) && (out = proxy, true);
     }
+    bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept override {
+      return std::exchange(contacts_fresh, false) && (out = contacts, true);
+    }
     bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept override {
       return std::exchange(beat_fresh, false) && (out = beat, true);
     }
     rtbus::Stamped<rtbus::DeviceState> device;
     rtbus::Stamped<rtbus::ProxyState> proxy;
+    rtbus::Stamped<rtbus::ProxyContacts> contacts;
     rtbus::Stamped<rtbus::Heartbeat> beat;
     bool proxy_fresh = false;
+    bool contacts_fresh = false;
     bool beat_fresh = false;
     double lost_share = 0.0;
     Random random;
@@ -120,6 +125,7 @@ class Harness {
     Link link;
     std::unique_ptr<haptic::Loop> loop;
     std::deque<rtbus::Stamped<rtbus::ProxyState>> under_way;  ///< stamp_ns: when it arrives.
+    std::deque<rtbus::Stamped<rtbus::ProxyContacts>> contacts_under_way;  ///< Likewise.
     std::uint64_t next_tick_ns = 0;
     std::uint64_t heard_ns = 0;  ///< When it last spoke.
     std::uint64_t proxies_sent = 0;

@@ -60,7 +60,7 @@ void SoftWorld::collide() {
   for (const auto& made : bodies_) {
     for (const SceneBody& body : scene_bodies()) collide_with_body(made->soft(), body, made->body().contact_hardness);
     for (const auto& proxy : proxies()) {
-      if (!proxy->released()) collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness);
+      if (!proxy->released() && !proxy->placed()) collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness);
     }
   }
 }

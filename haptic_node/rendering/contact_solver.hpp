@@ -1,0 +1,58 @@
+#pragma once
+/// @file contact_solver.hpp
+/// A small contact problem in velocities: a few bodies, a few contacts with friction, solved in bounded time.
+#include <array>
+#include <cstddef>
+
+#include <Eigen/Core>
+
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// One body of the problem; the proxy is one without inertia tensor (a hand holds it: it does not turn).
+struct SolverBody {
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
+  double inverse_mass_per_kg = 0.0;
+  Eigen::Matrix3d inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Zero();
+};
+
+/// A contact between body `a`, which the normal points to, and body `b`. Impulses act on `a`, their opposite on `b`.
+struct SolverContact {
+  static constexpr int kFixed = -1;  ///< In place of `b`: what moves with surface_velocity_m_s whatever pushes.
+  int a = 0;
+  int b = kFixed;
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+  Eigen::Vector3d from_a_m = Eigen::Vector3d::Zero();  ///< From a's centre to the contact point.
+  Eigen::Vector3d from_b_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what is fixed, at the point.
+  double closing_m_s = 0.0;  ///< The normal velocity must not be below minus this: the gap over the step.
+  double friction = 0.0;     ///< Coulomb coefficient.
+  double held_n_s = 0.0;     ///< Normal impulse that is there besides, for friction alone.
+  /// Gives way along the normal by `softness_per_kg` times what the impulse is more than `expected_n_s`.
+  double softness_per_kg = 0.0;
+  double expected_n_s = 0.0;
+  double torsion_radius_m = 0.0;  ///< A patch of this radius also resists spin about the normal; 0: a point.
+
+  Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On `a`. In: the last step's; out: the solution.
+  double normal_n_s = 0.0;                                ///< Its normal part.
+  double torsion_n_m_s = 0.0;                             ///< On `a`, about the normal.
+
+  // Made by solve_contacts().
+  double inverse_mass_normal = 0.0;
+  std::array<Eigen::Vector3d, 2> tangent{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  Eigen::Matrix2d mass_tangent = Eigen::Matrix2d::Zero();
+  double mass_torsion = 0.0;
+};
+
+/// Projected Gauss-Seidel, J. J. Moreau's sweeping process in impulses (M. Jean, "The non-smooth contact dynamics
+/// method", CMAME 177, 1999): each contact in turn gets the normal impulse ≥ 0 that keeps its gap, and the tangential
+/// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
+/// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than kTolerance_m_s.
+/// @returns the sweeps made. @realtime Yes.
+inline constexpr double kTolerance_m_s = 1e-8;
+int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
+                   int max_sweeps) noexcept RTBUS_NONBLOCKING;
+
+}  // namespace haptic

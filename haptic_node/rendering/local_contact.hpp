@@ -1,0 +1,55 @@
+#pragma once
+/// @file local_contact.hpp
+/// The method `local_contact`: the proxy and the bodies that it meets are simulated in the haptic loop, from what
+/// physics says about the contacts near the proxy.
+#include <array>
+#include <cstdint>
+
+#include "haptic_node/mapping.hpp"
+#include "haptic_node/rendering/local_world.hpp"
+#include "haptic_node/rendering/renderer.hpp"
+#include "rtbus/messages.hpp"
+
+namespace haptic {
+
+/// F = K(p − x) + B(v_p − v), p being a massless proxy that is solved with its contacts every tick (local_world.hpp):
+/// zero in free air, full stiffness at a surface, however old the last answer of physics is. What the hand felt goes to
+/// physics body by body (DeviceState::touched_…), and there takes the place of a proxy that pushes.
+class LocalContact final : public Renderer {
+ public:
+  /// @param mapping Must outlive this object.
+  LocalContact(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping& mapping) noexcept
+      : stiffness_n_per_m_(stiffness_n_per_m), damping_n_s_per_m_(damping_n_s_per_m), mapping_(mapping) {}
+
+  [[nodiscard]] std::string_view name() const noexcept override { return "local_contact"; }
+  [[nodiscard]] bool needs_physics() const noexcept override { return true; }
+  [[nodiscard]] RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING override;
+  void felt(const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING override;
+  void tell(rtbus::DeviceState& out) const noexcept RTBUS_NONBLOCKING override;
+  void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
+
+ private:
+  /// What one body has received since its row became its own.
+  struct Given {
+    std::uint32_t body = 0;
+    std::uint32_t turn = 0;  ///< 0: the row is free.
+    std::uint64_t last_tick = 0;
+    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
+    Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
+    Eigen::Vector3d travel_n_s2 = Eigen::Vector3d::Zero();
+  };
+  [[nodiscard]] Given& row_of(std::uint32_t body) noexcept;
+
+  double stiffness_n_per_m_;
+  double damping_n_s_per_m_;
+  const Mapping& mapping_;
+  LocalWorld world_;
+  bool placed_ = false;
+  std::uint64_t sample_ns_ = 0;
+  double step_s_ = 0.0;  ///< Of the last tick.
+  std::uint64_t ticks_ = 0;
+  std::uint32_t turns_ = 0;
+  std::array<Given, rtbus::kTouchedRows> given_{};
+};
+
+}  // namespace haptic

@@ -1,0 +1,222 @@
+#include "haptic_node/rendering/local_world.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "rtbus/clock.hpp"
+
+namespace haptic {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+/// Contacts that the proxy cannot reach in a step are left out of it, with this to spare.
+constexpr double kReach_m = 0.2e-3;
+/// A support that can move gives way to a push that differs from what it has held: by the speed that its own mass gains
+/// in this time. Whatever way a heap really gives way, and however late that is told, a model that gives way at least
+/// half as easily does not swing with the delay.
+constexpr double kSupportMobility_s = 0.5e-3;
+/// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
+constexpr double kSupportSoftness = 0.02;
+
+Quaterniond turn(const Vector3d& rate_rad_s, double h) noexcept {
+  const double angle = rate_rad_s.norm() * h;
+  if (angle <= 0.0) return Quaterniond::Identity();
+  return Quaterniond(Eigen::AngleAxisd(angle, rate_rad_s.normalized()));
+}
+
+}  // namespace
+
+void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
+  position_m_ = proxy_m;
+  velocity_m_s_.setZero();
+  impulse_n_s_.setZero();
+  for (Body& body : bodies_) body.used = false;
+  contact_count_ = support_count_ = push_count_ = 0;
+  instant_count_ = 0;
+  good_until_ns_ = 0;
+}
+
+double LocalWorld::gap_of(const Contact& contact) const noexcept {
+  const Vector3d point = bodies_[contact.body].centre_m + contact.from_centre_m;
+  return contact.normal.dot(position_m_ - point) - proxy_radius_m_;
+}
+
+void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
+  now_ns_ = sample_ns;
+  impulse_n_s_.setZero();
+  push_count_ = 0;
+  const double lag = h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
+  if (lag <= 0.0) {  // nothing holds the proxy to the hand: it is the hand
+    position_m_ = spring.goal_m;
+    velocity_m_s_ = spring.goal_velocity_m_s;
+    return;
+  }
+  blend(h);
+  SolverBody& proxy = solver_bodies_[0];
+  proxy.velocity_m_s =
+      (spring.stiffness_n_per_m * (spring.goal_m - position_m_) + spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
+      lag;
+  proxy.inverse_mass_per_kg = 1.0 / (h * lag);
+
+  const std::size_t rows = gather(h);
+  if (rows > 0) {
+    const int sweeps = std::clamp(kRowSweeps / static_cast<int>(rows), kFewestSweeps, kSweeps);
+    solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
+  }
+  for (std::size_t i = 0; i < rows; ++i) {
+    if (i >= solved_contacts_) {
+      supports_[row_source_[i]].impulse_n_s = rows_[i].impulse_n_s;
+      supports_[row_source_[i]].torsion_n_m_s = rows_[i].torsion_n_m_s;
+      continue;
+    }
+    Contact& contact = contacts_[row_source_[i]];
+    contact.impulse_n_s = rows_[i].impulse_n_s;
+    if (contact.impulse_n_s.isZero(0.0)) continue;
+    impulse_n_s_ += contact.impulse_n_s;
+    pushes_[push_count_++] = {bodies_[contact.body].index, -contact.impulse_n_s, contact.from_centre_m};
+  }
+  integrate(h);
+  remember(sample_ns);
+}
+
+/// Surfaces go on to where physics has them; without news everything comes to rest.
+void LocalWorld::blend(double h) noexcept {
+  const double share = -std::expm1(-h / blend_s_);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    Contact& contact = contacts_[i];
+    if (contact.fades) {
+      // It recedes until it is felt no more.
+      if (contact.impulse_n_s.isZero(0.0)) continue;
+      contact.offset_m += kRecovery_m_s * h;
+    } else {
+      contact.offset_m -= std::min(share * contact.offset_m, kRecovery_m_s * h);
+    }
+    if (kept != i) contacts_[kept] = contact;
+    ++kept;
+  }
+  contact_count_ = kept;
+  if (now_ns_ <= good_until_ns_) return;
+  const double slower = std::exp(-h / kBrake_s);
+  for (Body& body : bodies_) {
+    if (!body.used) continue;
+    body.motion.velocity_m_s *= slower;
+    body.motion.angular_velocity_rad_s *= slower;
+    body.force_n.setZero();
+  }
+}
+
+/// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part.
+std::size_t LocalWorld::gather(double h) noexcept {
+  std::array<bool, kBodies> takes_part{};
+  std::size_t rows = 0;
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    Contact& contact = contacts_[i];
+    const Body& body = bodies_[contact.body];
+    const Vector3d surface = body.motion.velocity_m_s + body.motion.angular_velocity_rad_s.cross(contact.from_centre_m);
+    contact.gap_m = gap_of(contact) + contact.offset_m;
+    const double way_m = -contact.normal.dot(solver_bodies_[0].velocity_m_s - surface) * h;
+    if (rows == kSolved || contact.gap_m > way_m + kReach_m) {
+      contact.impulse_n_s.setZero();
+      continue;
+    }
+    takes_part[contact.body] = true;
+    SolverContact& row = rows_[rows];
+    row = SolverContact{};
+    row.normal = contact.normal;
+    row.from_b_m = contact.from_centre_m;
+    row.surface_velocity_m_s = surface;
+    row.closing_m_s = std::max(contact.gap_m / h, -kRecovery_m_s);
+    row.friction = contact.friction;
+    row.impulse_n_s = contact.impulse_n_s;
+    row_source_[rows++] = i;
+  }
+  solved_contacts_ = rows;
+
+  int next = 1;
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    const Body& body = bodies_[slot];
+    solver_body_[slot] = SolverContact::kFixed;
+    if (!body.used || body.motion.inverse_mass_per_kg <= 0.0) continue;
+    const bool moving = !body.motion.velocity_m_s.isZero(1e-9) || !body.motion.angular_velocity_rad_s.isZero(1e-7);
+    const bool falls = !body.supported && !body.force_n.isZero(0.0);
+    if (!takes_part[slot] && !moving && !falls) continue;
+    solver_body_[slot] = next;
+    SolverBody& solver = solver_bodies_[static_cast<std::size_t>(next++)];
+    solver = body.motion;
+    solver.velocity_m_s += h * body.motion.inverse_mass_per_kg * body.force_n;
+  }
+  for (std::size_t i = 0; i < solved_contacts_; ++i) rows_[i].b = solver_body_[contacts_[row_source_[i]].body];
+
+  for (std::size_t i = 0; i < support_count_; ++i) {
+    Support& support = supports_[i];
+    const int held = solver_body_[support.body];
+    if (held < 0) {
+      support.impulse_n_s.setZero();
+      support.torsion_n_m_s = 0.0;
+      continue;
+    }
+    const Body& body = bodies_[support.body];
+    SolverContact& row = rows_[rows];
+    row = SolverContact{};
+    row.a = held;
+    row.normal = support.normal;
+    row.from_a_m = support.from_centre_m;
+    row.surface_velocity_m_s = support.velocity_m_s;
+    row.friction = support.friction;
+    row.torsion_radius_m = support.torsion_radius_m;
+    row.softness_per_kg =
+        kSupportMobility_s / h * support.inverse_mass_per_kg + kSupportSoftness * body.motion.inverse_mass_per_kg;
+    row.expected_n_s = support.force_n * h;
+    row.impulse_n_s = support.impulse_n_s;
+    row.torsion_n_m_s = support.torsion_n_m_s;
+    if (!body.supported) row.held_n_s = body.friction_bound_n * h;
+    row_source_[rows++] = i;
+  }
+  return rows;
+}
+
+void LocalWorld::integrate(double h) noexcept {
+  velocity_m_s_ = solver_bodies_[0].velocity_m_s;
+  position_m_ += h * velocity_m_s_;
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    Body& body = bodies_[slot];
+    if (!body.used || !body.moves) continue;
+    if (solver_body_[slot] >= 0) {
+      const SolverBody& solver = solver_bodies_[static_cast<std::size_t>(solver_body_[slot])];
+      body.motion.velocity_m_s = solver.velocity_m_s;
+      body.motion.angular_velocity_rad_s = solver.angular_velocity_rad_s;
+    }
+    body.centre_m += h * body.motion.velocity_m_s;
+    if (body.motion.angular_velocity_rad_s.isZero(0.0)) continue;
+    const Quaterniond turned = turn(body.motion.angular_velocity_rad_s, h);
+    body.turned = (turned * body.turned).normalized();
+    for (std::size_t i = 0; i < contact_count_; ++i) {
+      if (contacts_[i].body != slot) continue;
+      contacts_[i].from_centre_m = turned * contacts_[i].from_centre_m;
+      contacts_[i].normal = turned * contacts_[i].normal;
+    }
+  }
+}
+
+void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
+  if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + instant_apart_ns_) return;
+  Instant& instant = instants_[instant_count_++ % kInstants];
+  instant.time_ns = sample_ns;
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    const Body& body = bodies_[slot];
+    Past& past = instant.bodies[slot];
+    past.used = body.used && body.moves;
+    if (!past.used) continue;
+    past.index = body.index;
+    past.centre_m = body.centre_m;
+    past.velocity_m_s = body.motion.velocity_m_s;
+    past.angular_velocity_rad_s = body.motion.angular_velocity_rad_s;
+    past.turned = body.turned;
+  }
+}
+
+}  // namespace haptic

@@ -1,0 +1,181 @@
+#pragma once
+/// @file local_world.hpp
+/// The surroundings of the proxy, simulated in the haptic loop between two answers of physics: the proxy, what it may
+/// touch, and the bodies behind that. Frame W, SI units. Fixed size, no allocation.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "haptic_node/rendering/contact_solver.hpp"
+#include "rtbus/contact_messages.hpp"
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// What pulls the proxy, in W.
+struct LocalSpring {
+  Eigen::Vector3d goal_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d goal_velocity_m_s = Eigen::Vector3d::Zero();
+  double stiffness_n_per_m = 0.0;
+  double damping_n_s_per_m = 0.0;
+};
+
+/// One instant of the local world belongs to one device sample; a step leads from the sample before to this one.
+///
+/// The proxy has no mass. Spring and damper, implicit over a step of h, are the mass m_g = h(hK + B) that moves at
+/// (K(x − p) + B·v)/(hK + B) (docs/decisions/0005): in free air it goes with the hand and pulls at nothing, at a
+/// contact the hand feels K(p − x) + B(v_p − v), which is what the contacts push with.
+///
+/// An answer of physics describes the world at the instant of the device sample that it answers (decision 0003). By the
+/// time it is here, the local world is one or two periods on. What physics says about a body then is compared with what
+/// the local world had made of it at that instant, and the difference is added to what it is now. A surface that this
+/// moves, or that turns out to be elsewhere, starts where it was felt last and moves to its place within a part of a
+/// step (kBlendSteps).
+class LocalWorld {
+ public:
+  static constexpr std::size_t kBodies = rtbus::kContactSlots;
+  static constexpr std::size_t kContacts = rtbus::kContactSlots + 8;  ///< Those of the answer, and some that fade out.
+  static constexpr std::size_t kSupports = rtbus::kSupportSlots;
+  static constexpr std::size_t kSolved = rtbus::kContactSlots;  ///< Contacts of the proxy in one step.
+  static constexpr int kSweeps = 12, kFewestSweeps = 4;
+  static constexpr int kRowSweeps = 100;  ///< Rows times sweeps of a step, about: what bounds its time.
+  static constexpr double kBlendSteps = 0.3, kBlend_s = 0.01;  ///< Of a step of physics, but no faster than kBlend_s.
+  static constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
+  static constexpr double kBrake_s = 0.01;      ///< Without news bodies come to rest in about three times that.
+
+  /// Puts the proxy there, at rest, and forgets everything else.
+  void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
+
+  /// An answer has come.
+  void take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+
+  /// Advances everything by `h` seconds, to the instant `sample_ns`.
+  void advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept RTBUS_NONBLOCKING;
+
+  [[nodiscard]] const Eigen::Vector3d& position_m() const noexcept { return position_m_; }
+  [[nodiscard]] const Eigen::Vector3d& velocity_m_s() const noexcept { return velocity_m_s_; }
+  /// Of all contacts on the proxy in the last step.
+  [[nodiscard]] const Eigen::Vector3d& impulse_n_s() const noexcept { return impulse_n_s_; }
+
+  /// What the proxy did to a body in the last step.
+  struct Push {
+    std::uint32_t body = 0;                                 ///< In the scene's order.
+    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the body.
+    Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
+  };
+  [[nodiscard]] std::span<const Push> pushes() const noexcept { return {pushes_.data(), push_count_}; }
+
+ private:
+  /// What an answer has changed in a body: what the local world had made of it before is known to be wrong by as much.
+  struct Correction {
+    std::uint64_t made_ns = 0;                        ///< Instants before this do not have it; 0: none.
+    std::uint64_t sample_ns = 0;                      ///< The instant that was compared.
+    Eigen::Vector3d way_m = Eigen::Vector3d::Zero();  ///< At that instant; grows with speed_m_s since.
+    Eigen::Vector3d speed_m_s = Eigen::Vector3d::Zero();
+    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();
+  };
+  static constexpr std::size_t kCorrections = 4;  ///< An answer is at most two old: of more none is still unseen.
+  struct Body {
+    bool used = false;
+    bool named = false;  ///< By the answer that is being taken.
+    bool moves = false;  ///< Something other than a static body.
+    std::uint32_t index = 0;
+    std::uint64_t since_ns = 0;  ///< Known from then on.
+    Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+    Eigen::Quaterniond turned = Eigen::Quaterniond::Identity();  ///< Since since_ns.
+    SolverBody motion;
+    Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
+    double friction_bound_n = 0.0;
+    bool supported = false;
+    bool jammed = false;        ///< Held by bodies that move themselves.
+    std::uint64_t told_ns = 0;  ///< Instant of the last answer, and where it had the body.
+    Eigen::Vector3d told_centre_m = Eigen::Vector3d::Zero();
+    std::array<Correction, kCorrections> corrections{};
+    std::size_t next_correction = 0;
+  };
+  struct Contact {
+    std::size_t body = 0;
+    Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
+    Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+    double friction = 0.0;
+    double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
+    double gap_m = 0.0;                                     ///< As of the last step, offset included.
+    bool fades = false;                                     ///< Physics does not know it any more.
+    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
+  };
+  struct Support {
+    std::size_t body = 0;
+    Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
+    Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+    Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+    double friction = 0.0;
+    double torsion_radius_m = 0.0;
+    double force_n = 0.0;              ///< Along the normal, as physics had it.
+    double inverse_mass_per_kg = 0.0;  ///< Of what holds.
+    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
+    double torsion_n_m_s = 0.0;
+  };
+  /// Where a body was at an instant.
+  struct Past {
+    bool used = false;
+    std::uint32_t index = 0;
+    Eigen::Vector3d centre_m, velocity_m_s, angular_velocity_rad_s;
+    Eigen::Quaterniond turned;
+  };
+  struct Instant {
+    std::uint64_t time_ns = 0;
+    std::array<Past, kBodies> bodies;
+  };
+  static constexpr std::size_t kInstants = 512;
+  static constexpr double kPastSteps = 2.5;  ///< So many steps of physics are kept: an answer is at most two old.
+
+  [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
+  [[nodiscard]] bool past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept;
+  void take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept;
+  void take_supports(const rtbus::ProxyContacts& answer) noexcept;
+  void take_contacts(const rtbus::ProxyContacts& answer) noexcept;
+  void hold_by_supports(std::size_t slot) noexcept;
+  [[nodiscard]] double gap_of(const Contact& contact) const noexcept;
+  void blend(double h) noexcept;
+  std::size_t gather(double h) noexcept;
+  void integrate(double h) noexcept;
+  void remember(std::uint64_t sample_ns) noexcept;
+
+  Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
+  double proxy_radius_m_ = 0.0;
+  std::uint64_t good_until_ns_ = 0;
+  double blend_s_ = kBlend_s;
+  std::uint64_t now_ns_ = 0;
+
+  std::array<Body, kBodies> bodies_{};
+  std::array<Contact, kContacts> contacts_{};
+  std::size_t contact_count_ = 0;
+  std::array<Support, kSupports> supports_{};
+  std::size_t support_count_ = 0;
+  std::array<Contact, kContacts> old_contacts_;  ///< Before the answer that is being taken.
+  std::array<Support, kSupports> old_supports_;
+  std::array<std::size_t, kBodies> slot_of_row_{};          ///< Of the answer that is being taken.
+  std::array<Eigen::Quaterniond, kBodies> turned_since_{};  ///< Likewise: from its instant to now.
+
+  // One step's problem: the proxy first, then bodies; what each row belongs to.
+  std::array<SolverBody, kBodies + 1> solver_bodies_{};
+  std::array<int, kBodies> solver_body_{};  ///< Of a slot; −1: not in the problem.
+  std::array<SolverContact, kSolved + kSupports> rows_{};
+  std::array<std::size_t, kSolved + kSupports> row_source_{};
+  std::size_t solved_contacts_ = 0;
+
+  std::array<Push, kSolved> pushes_{};
+  std::size_t push_count_ = 0;
+
+  std::array<Instant, kInstants> instants_{};
+  std::uint64_t instant_count_ = 0;
+  std::uint64_t instant_apart_ns_ = 0;
+};
+
+}  // namespace haptic

@@ -1,0 +1,122 @@
+/// What a hand gives to bodies when its law moves the proxy by itself (DeviceState::touched_…): Newton's third law at
+/// the side of the world.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "physics_node/stepper.hpp"
+#include "tests/unit/bullet/scenes.hpp"
+
+namespace {
+
+using physics::Stepper;
+using tests::Vector3d;
+
+constexpr double kMassKg = 0.1, kStepS = 0.05;
+constexpr int kParts = 50;
+
+/// One cube in free space.
+std::unique_ptr<Stepper> cube_in_space() {
+  rtbus::config::Scene scene;
+  scene.file = "test.yaml";
+  scene.gravity_m_s2.setZero();
+  scene.bodies.push_back(tests::body("cube", rtbus::shapes::Box{Vector3d::Constant(0.01)}, {0, 0, 0}, kMassKg));
+  physics::ProxyConfig proxy;
+  proxy.device = "haptic0";
+  proxy.radius_m = 0.005;
+  proxy.stiffness_n_per_m = 500.0;
+  return std::make_unique<Stepper>(tests::bullet(scene), std::vector<physics::ProxyConfig>{proxy}, kParts);
+}
+
+rtbus::DeviceState hand(std::uint64_t sample_ns) {
+  rtbus::DeviceState device;
+  device.sample_time_ns = sample_ns;
+  device.mapping_epoch = 1;
+  device.enabled = 1;
+  device.wants = rtbus::kWantsContacts | rtbus::kOwnsProxy;
+  device.touched_turn[0] = 1;
+  return device;
+}
+
+TEST(PushedBody, GetsTheImpulseOnceAndWhereInTheStepItFell) {
+  for (const double middle : {0.0, 0.3, 0.5, 0.9}) {
+    const auto stepper = cube_in_space();
+    stepper->set_device(0, hand(1'000'000'000), 1);
+    stepper->step(kStepS);
+    // 0.02 N·s along z at `middle` of the step before the next sample.
+    rtbus::DeviceState pushed = hand(1'050'000'000);
+    pushed.touched_impulse_n_s[0] = {0, 0, 0.02};
+    pushed.touched_travel_n_s2[0] = {0, 0, 0.02 * kStepS * (1.0 - middle)};
+    stepper->set_device(0, pushed, 2);
+    stepper->step(kStepS);
+    const double speed = 0.02 / kMassKg;
+    EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * (1.0 - middle), 1.2e-3 * speed)
+        << middle;
+    EXPECT_NEAR(stepper->answer(0).contact_force_n[2], -0.02 / kStepS, 1e-9);
+    const double before_m = stepper->world().body_pose(0).position_m.z();
+    pushed.sample_time_ns += 50'000'000;
+    pushed.touched_travel_n_s2[0][2] += 0.02 * kStepS;
+    stepper->set_device(0, pushed, 3);
+    stepper->step(kStepS);
+    EXPECT_NEAR(stepper->world().body_pose(0).position_m.z() - before_m, speed * kStepS, 1e-6)
+        << "coasts, once is enough";
+    EXPECT_EQ(stepper->answer(0).contact_force_n[2], 0.0);
+  }
+}
+
+TEST(PushedBody, TurnsByTheAngularImpulse) {
+  const auto stepper = cube_in_space();
+  stepper->set_device(0, hand(1'000'000'000), 1);
+  stepper->step(kStepS);
+  rtbus::DeviceState pushed = hand(1'050'000'000);
+  const double inertia = kMassKg * 0.02 * 0.02 / 6.0;
+  pushed.touched_impulse_n_s[0] = {0, 0, 1e-4};
+  pushed.touched_travel_n_s2[0] = {0, 0, 0.5e-4 * kStepS};
+  pushed.touched_angular_n_m_s[0] = {0, inertia * 2.0, 0};  // 2 rad/s
+  stepper->set_device(0, pushed, 2);
+  stepper->step(kStepS);
+  rtbus::ProxyContacts around;
+  stepper->contacts(0, 0.1, around);
+  ASSERT_EQ(around.bodies, 1U);
+  EXPECT_NEAR(around.body_angular_velocity_rad_s[0][1], 2.0, 0.02);
+  EXPECT_NEAR(around.body_proxy_force_n[0][2], 1e-4 / kStepS, 1e-6);
+}
+
+// The proxy is inside the cube and pulled hard: it does not push, and is where the hand's law has it.
+TEST(PushedBody, TheProxyItselfTouchesNothing) {
+  const auto stepper = cube_in_space();
+  rtbus::DeviceState inside = hand(1'000'000'000);
+  inside.target_position_m = {0.003, 0.004, 0.005};
+  for (int i = 1; i <= 5; ++i) {
+    inside.sample_time_ns += 50'000'000;
+    inside.target_position_m[0] += 0.001;
+    stepper->set_device(0, inside, static_cast<std::uint64_t>(i));
+    stepper->step(kStepS);
+  }
+  EXPECT_NEAR(stepper->world().body_pose(0).position_m.norm(), 0.0, 1e-12);
+  EXPECT_NEAR(stepper->answer(0).position_m[0], 0.008, 1e-9);
+  EXPECT_EQ(stepper->answer(0).contacts, 0U);
+}
+
+// A row that begins anew for another body counts from zero; a new epoch gives nothing of before.
+TEST(PushedBody, CountsFromZeroForAnotherTurnAndForgetsAtANewEpoch) {
+  const auto stepper = cube_in_space();
+  rtbus::DeviceState device = hand(1'000'000'000);
+  device.touched_impulse_n_s[0] = {0, 0, 5.0};  // of a life before
+  stepper->set_device(0, device, 1);
+  stepper->step(kStepS);
+  EXPECT_NEAR(stepper->world().body_pose(0).position_m.norm(), 0.0, 1e-12);
+  device.sample_time_ns += 50'000'000;
+  device.touched_turn[0] = 2;
+  device.touched_impulse_n_s[0] = {0.01, 0, 0};
+  stepper->set_device(0, device, 2);
+  stepper->step(kStepS);
+  EXPECT_NEAR(stepper->answer(0).contact_force_n[0], -0.01 / kStepS, 1e-9);
+  device.mapping_epoch = 2;
+  device.touched_impulse_n_s[0] = {0.5, 0, 0};
+  stepper->set_device(0, device, 3);
+  stepper->step(kStepS);
+  EXPECT_EQ(stepper->answer(0).contact_force_n[0], 0.0);
+}
+
+}  // namespace

@@ -1,0 +1,122 @@
+/// The small contact problem of local_contact, against closed forms.
+#include "haptic_node/rendering/contact_solver.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace {
+
+using Eigen::Vector3d;
+using haptic::solve_contacts;
+using haptic::SolverBody;
+using haptic::SolverContact;
+
+constexpr double kMassKg = 0.1, kStepS = 1e-3, kGravity = 9.81;
+
+SolverBody block(const Vector3d& velocity_m_s) {
+  SolverBody body;
+  body.velocity_m_s = velocity_m_s - Vector3d(0, kGravity * kStepS, 0);  // gravity of this step is in it
+  body.inverse_mass_per_kg = 1.0 / kMassKg;
+  return body;
+}
+
+SolverContact floor_of(double friction) {
+  SolverContact contact;
+  contact.friction = friction;
+  return contact;
+}
+
+TEST(ContactSolver, HoldsAWeightAndStopsAnImpact) {
+  SolverBody bodies[1] = {block({0, -0.3, 0})};
+  SolverContact contacts[1] = {floor_of(0.0)};
+  solve_contacts(bodies, contacts, 1, 12);
+  EXPECT_NEAR(bodies[0].velocity_m_s.y(), 0.0, 1e-9);
+  EXPECT_NEAR(contacts[0].normal_n_s, kMassKg * (0.3 + kGravity * kStepS), 1e-12);
+}
+
+TEST(ContactSolver, LetsGoAndClosesAGap) {
+  SolverBody bodies[1] = {block({0, 0.3, 0})};
+  SolverContact contacts[1] = {floor_of(0.5)};
+  contacts[0].impulse_n_s = Vector3d(0.01, 0.2, 0);  // of the step before: must not pull
+  solve_contacts(bodies, contacts, 1, 12);
+  EXPECT_NEAR(contacts[0].impulse_n_s.norm(), 0.0, 1e-12);
+  EXPECT_NEAR(bodies[0].velocity_m_s.y(), 0.3 - kGravity * kStepS, 1e-12);
+
+  bodies[0] = block({0, -0.3, 0});
+  contacts[0] = floor_of(0.0);
+  contacts[0].closing_m_s = 0.1;  // a gap of 0.1 mm
+  solve_contacts(bodies, contacts, 1, 12);
+  EXPECT_NEAR(bodies[0].velocity_m_s.y(), -0.1, 1e-9);
+}
+
+TEST(ContactSolver, FrictionSticksUpToTheConeAndSlidesBeyond) {
+  constexpr double kFriction = 0.4;
+  const double weight_n_s = kMassKg * kGravity * kStepS;
+  for (const double speed : {0.5, 2.0}) {  // of what the cone can stop in a step
+    const double v = speed * kFriction * kGravity * kStepS;
+    SolverBody bodies[1] = {block({v * 0.6, 0, v * 0.8})};
+    SolverContact contacts[1] = {floor_of(kFriction)};
+    solve_contacts(bodies, contacts, 1, 12);
+    const double left = std::max(0.0, v - kFriction * kGravity * kStepS);
+    EXPECT_NEAR(std::hypot(bodies[0].velocity_m_s.x(), bodies[0].velocity_m_s.z()), left, 1e-9);
+    EXPECT_NEAR(bodies[0].velocity_m_s.x(), 0.6 * left, 1e-9) << "against the slip";
+    const Vector3d tangential = contacts[0].impulse_n_s - Vector3d(0, contacts[0].normal_n_s, 0);
+    EXPECT_LE(tangential.norm(), kFriction * weight_n_s * (1 + 1e-9));
+  }
+}
+
+// The proxy (light, pulled) pushes a block (heavy) off a wall behind it: nothing moves, the wall gets the push.
+TEST(ContactSolver, PassesAPushThroughABody) {
+  SolverBody bodies[2];
+  bodies[0].inverse_mass_per_kg = 1.0 / 0.001;
+  bodies[0].velocity_m_s = Vector3d(0, 0, -2.0);
+  bodies[1].inverse_mass_per_kg = 1.0 / kMassKg;
+  SolverContact contacts[2];
+  contacts[0].b = 1;
+  contacts[0].normal = Vector3d::UnitZ();
+  contacts[1].a = 1;
+  contacts[1].normal = Vector3d::UnitZ();
+  solve_contacts(bodies, contacts, 2, 12);
+  EXPECT_NEAR(bodies[0].velocity_m_s.z(), 0.0, 1e-8);
+  EXPECT_NEAR(bodies[1].velocity_m_s.z(), 0.0, 1e-8);
+  EXPECT_NEAR(contacts[0].normal_n_s, 0.002, 1e-10);
+  EXPECT_NEAR(contacts[1].normal_n_s, 0.002, 1e-10);
+}
+
+// Two supports that come at a body from both sides cannot both be obeyed: impulses stay finite all the same.
+TEST(ContactSolver, SoftSupportsThatContradictEachOtherStayBounded) {
+  SolverBody body;
+  body.inverse_mass_per_kg = 1.0 / kMassKg;
+  SolverContact contacts[2];
+  for (int step = 0; step < 2000; ++step) {
+    for (int i = 0; i < 2; ++i) {
+      const Vector3d warm = contacts[i].impulse_n_s;
+      contacts[i] = SolverContact{};
+      contacts[i].impulse_n_s = warm;
+      contacts[i].normal = (i == 0 ? 1.0 : -1.0) * Vector3d::UnitY();
+      contacts[i].surface_velocity_m_s = contacts[i].normal * 1e-3;
+      contacts[i].softness_per_kg = 0.02 / kMassKg;
+    }
+    SolverBody bodies[1] = {body};
+    solve_contacts(bodies, contacts, 2, 12);
+    ASSERT_LT(contacts[0].normal_n_s, 0.1) << step;
+  }
+  // 1 mm/s from either side: each gives way by that, 0.02/m per newton second.
+  EXPECT_NEAR(contacts[0].normal_n_s, 1e-3 * kMassKg / 0.02, 1e-4);
+}
+
+TEST(ContactSolver, APatchResistsSpin) {
+  SolverBody body = block({0, 0, 0});
+  body.inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Identity() / 1e-5;
+  body.angular_velocity_rad_s = Vector3d(0, 0.5, 0);
+  SolverBody bodies[1] = {body};
+  SolverContact contacts[1] = {floor_of(0.4)};
+  contacts[0].torsion_radius_m = 0.01;
+  solve_contacts(bodies, contacts, 1, 12);
+  // Bound: μ·N·radius in a step.
+  const double stopped = 0.4 * kMassKg * kGravity * kStepS * 0.01 / 1e-5;
+  EXPECT_NEAR(bodies[0].angular_velocity_rad_s.y(), 0.5 - stopped, 1e-6);
+}
+
+}  // namespace

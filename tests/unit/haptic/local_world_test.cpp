@@ -1,0 +1,168 @@
+/// The world of local_contact between two answers of physics: what an answer changes, and how.
+#include "haptic_node/rendering/local_world.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+namespace {
+
+using Eigen::Vector3d;
+using haptic::LocalSpring;
+using haptic::LocalWorld;
+using rtbus::ProxyContacts;
+
+constexpr double kStepS = 1e-3, kStiffness = 500.0, kDamping = 0.5;
+constexpr double kPhysicsS = 0.05;
+constexpr std::uint64_t kMs = 1'000'000;
+
+/// A wall at x = 0 whose material fills x < 0, before the proxy at `proxy_x_m`.
+ProxyContacts wall(double proxy_x_m, std::uint64_t sample_ns) {
+  ProxyContacts out;
+  out.device_sequence = 1;
+  out.device_time_ns = sample_ns;
+  out.step_s = kPhysicsS;
+  out.contacts = out.bodies = 1;
+  out.contact_normal[0] = {1, 0, 0};
+  out.contact_gap_m[0] = proxy_x_m;
+  return out;
+}
+
+/// The same, but a body of 0.1 kg in free space that moves along x.
+ProxyContacts body(double x_m, double velocity_m_s, std::uint64_t sample_ns) {
+  ProxyContacts out = wall(0.0, sample_ns);
+  out.body_kind[0] = 2;
+  out.body_inverse_mass_per_kg[0] = 10.0;
+  out.body_centre_m[0] = {x_m - 0.01, 0, 0};
+  out.contact_point_m[0] = {x_m, 0, 0};
+  out.body_velocity_m_s[0] = {velocity_m_s, 0, 0};
+  return out;
+}
+
+struct LocalWorldTest : testing::Test {
+  std::unique_ptr<LocalWorld> world = std::make_unique<LocalWorld>();
+  std::uint64_t now_ns = 1000 * kMs;
+
+  /// One tick with the hand at `x_m`; the force on it.
+  double tick(double x_m, double velocity_m_s = 0.0) {
+    now_ns += kMs;
+    world->advance({{x_m, 0, 0}, {velocity_m_s, 0, 0}, kStiffness, kDamping}, now_ns, kStepS);
+    return world->impulse_n_s().x() / kStepS;
+  }
+};
+
+TEST_F(LocalWorldTest, HasNoForceInFreeAirHoweverTheHandMoves) {
+  world->reset({0.01, 0, 0});
+  world->take(wall(0.01, now_ns), now_ns);
+  for (int i = 0; i < 200; ++i) EXPECT_EQ(tick(0.01 + 0.005 * std::sin(0.1 * i), 0.3 * std::cos(0.1 * i)), 0.0);
+}
+
+TEST_F(LocalWorldTest, HoldsTheProxyAtTheWallAndThePushIsTheSpring) {
+  world->reset({0.002, 0, 0});
+  world->take(wall(0.002, now_ns), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i <= 50; ++i) force_n = tick(0.002 - 1e-4 * i);
+  EXPECT_NEAR(world->position_m().x(), 0.0, 1e-9);
+  EXPECT_NEAR(force_n, kStiffness * 0.003, 1e-6);
+  ASSERT_EQ(world->pushes().size(), 1U);
+  EXPECT_NEAR(world->pushes()[0].impulse_n_s.x(), -force_n * kStepS, 1e-12) << "what it does to the wall";
+}
+
+TEST_F(LocalWorldTest, GivesABodyWhatTheHandFeels) {
+  world->reset({0, 0, 0});
+  world->take(body(0.0, 0.0, now_ns), now_ns);
+  double given_n_s = 0.0, felt_n_s = 0.0;
+  for (int i = 0; i < 40; ++i) {
+    felt_n_s += tick(-1e-4 * i) * kStepS;
+    for (const auto& push : world->pushes()) given_n_s -= push.impulse_n_s.x();
+  }
+  EXPECT_GT(felt_n_s, 0.002);
+  EXPECT_NEAR(given_n_s, felt_n_s, 1e-12);
+}
+
+// The answer to a sample of 50 ms ago says that the body was 1 mm nearer than the local world had it then. The one
+// after it, to a sample from before that was known, says the same: there is nothing left to correct.
+TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
+  world->reset({0.05, 0, 0});
+  const auto surface = [this] {  // where the proxy meets the body
+    double x_m = world->position_m().x();
+    LocalWorld copy = *world;
+    std::uint64_t ns = now_ns;
+    for (; x_m > -0.05; x_m -= 1e-5) {
+      ns += kMs;
+      copy.advance({{x_m, 0, 0}, Vector3d::Zero(), kStiffness, kDamping}, ns, kStepS);
+      if (copy.impulse_n_s().x() > 0.0) return x_m;
+    }
+    return -1.0;
+  };
+  world->take(body(0.0, 0.0, now_ns), now_ns);
+  for (int i = 0; i < 60; ++i) tick(0.05);
+  world->take(body(0.0, 0.0, now_ns - 50 * kMs), now_ns);
+  for (int i = 0; i < 60; ++i) tick(0.05);
+  EXPECT_NEAR(surface(), 0.0, 5e-5);
+  world->take(body(0.001, 0.0, now_ns - 50 * kMs), now_ns);
+  for (int i = 0; i < 40; ++i) tick(0.05);
+  EXPECT_NEAR(surface(), 0.001, 5e-5);
+  world->take(body(0.001, 0.0, now_ns - 50 * kMs), now_ns);
+  for (int i = 0; i < 60; ++i) tick(0.05);
+  EXPECT_NEAR(surface(), 0.001, 5e-5) << "counted twice";
+}
+
+TEST_F(LocalWorldTest, MovesASurfaceThatIsFeltWithoutAJump) {
+  world->reset({0.0, 0, 0});
+  world->take(wall(0.0, now_ns), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i < 100; ++i) force_n = tick(-0.002);
+  ASSERT_NEAR(force_n, kStiffness * 0.002, 1e-6);
+  ProxyContacts moved = wall(0.0, now_ns - 1 * kMs);
+  moved.contact_point_m[0] = {0.003, 0, 0};  // the wall is 3 mm nearer than it was told
+  world->take(moved, now_ns);
+  for (int i = 0; i < 400; ++i) {
+    const double next_n = tick(-0.002);
+    // 0.2 m/s of the spring, and its damper.
+    ASSERT_LE(std::abs(next_n - force_n), kStiffness * 0.2 * kStepS + kDamping * 0.2 + 1e-9) << i;
+    force_n = next_n;
+    if (i % 50 == 49) world->take(moved, now_ns);
+  }
+  EXPECT_NEAR(force_n, kStiffness * 0.005, 0.01) << "and gets there";
+}
+
+TEST_F(LocalWorldTest, AContactThatIsGoneRecedesAndIsForgotten) {
+  world->reset({0.0, 0, 0});
+  world->take(wall(0.0, now_ns), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i < 100; ++i) force_n = tick(-0.002);
+  ProxyContacts nothing = wall(0.0, now_ns);
+  nothing.contacts = nothing.bodies = 0;
+  world->take(nothing, now_ns);
+  int ticks = 0;
+  for (; ticks < 200 && force_n > 0.0; ++ticks) {
+    const double next_n = tick(-0.002);
+    ASSERT_GE(next_n, force_n - kStiffness * 0.2 * kStepS - kDamping * 0.2 - 1e-9);
+    force_n = next_n;
+  }
+  EXPECT_GE(ticks, 8);
+  EXPECT_LT(ticks, 100);
+  EXPECT_EQ(force_n, 0.0);
+}
+
+// A plate that comes at 0.1 m/s, and then no answer any more: it goes on for a period and a half and then stops.
+TEST_F(LocalWorldTest, BrakesWithoutNews) {
+  world->reset({0.5, 0, 0});
+  ProxyContacts plate = body(0.0, 0.1, now_ns);
+  plate.body_kind[0] = 1;
+  plate.body_inverse_mass_per_kg[0] = 0.0;
+  world->take(plate, now_ns);
+  const double good_s = 1.5 * kPhysicsS + 3e-3;
+  double force_n = 0.0;
+  // The hand waits 1 mm beyond where the plate stops if it brakes as it says.
+  const double stop_m = 0.1 * (good_s + LocalWorld::kBrake_s);
+  for (int i = 0; i < 1000; ++i) force_n = std::max(force_n, tick(stop_m + 0.001));
+  EXPECT_EQ(force_n, 0.0);
+  for (int i = 0; i < 1000; ++i) force_n = std::max(force_n, tick(stop_m + 0.001 - 1e-5 * std::min(i, 200)));
+  EXPECT_NEAR(force_n, kStiffness * 0.001, 0.1) << "and stands there";
+}
+
+}  // namespace
