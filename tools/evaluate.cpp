@@ -128,7 +128,8 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
   const std::string name = row.name;
   try {
     if (!options.config.empty() && !row.takes_config) {
-      throw rtbus::config::Error("evaluate " + name + " has sessions of its own: it takes no --config");
+      throw rtbus::config::Error("evaluate " + name + " has sessions of its own: it takes no --config" +
+                                 (row.takes_set ? "; --set changes a key of all of them" : ""));
     }
     if (!options.assignments.empty() && !row.takes_set) {
       throw rtbus::config::Error("evaluate " + name + " takes no --set" +

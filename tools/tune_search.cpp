@@ -89,12 +89,13 @@ double stiffest(const TuneQuestion& question, double damping_time_s, const char*
   return good;
 }
 
-FreeAir fly(const TuneQuestion& question, double stiffness, double damping) {
+FreeAir fly(const TuneQuestion& question, double stiffness, double damping, double quantum_m) {
   const auto harness = make_harness(question, stiffness, damping, kAlong);
   std::vector<double> force_n;
+  // At full speed, away from both ends of the way, and once physics has caught up.
+  const double begin_s = std::min(0.85, 0.47 + 3.0 / question.physics_hz);
   harness->run(1.1, [&](const rtbus::Telemetry& tick) {
-    // At full speed, and away from both ends of the way.
-    if (harness->now_s() > 0.55 && harness->now_s() < 0.98) force_n.push_back(tick.force_n[0]);
+    if (harness->now_s() > begin_s && harness->now_s() < 0.98) force_n.push_back(tick.force_n[0]);
   });
   FreeAir out;
   for (const double each : force_n) out.drag_n_s_per_m -= each / kAirSpeed_m_s / static_cast<double>(force_n.size());
@@ -102,8 +103,10 @@ FreeAir fly(const TuneQuestion& question, double stiffness, double damping) {
   if (!force_n.empty()) out.ripple_n = *high - *low;
   const haptic::RendererEntry* method = haptic::find_renderer(question.method);
   if (!method->needs_physics || method->needs_contacts) return out;  // no answer of physics holds them back in free air
-  out.predicted_drag_n_s_per_m = 1.5 * stiffness / question.physics_hz;
-  out.predicted_ripple_n = stiffness * kAirSpeed_m_s / question.physics_hz;
+  // An answer arrives one period after its sample, and the law goes there on a line that takes one period more.
+  const double ahead = method->server_force == haptic::ServerForce::kPredicted ? 1.5 : 0.0;  // prediction_periods
+  out.predicted_drag_n_s_per_m = (2.0 - ahead) * stiffness / question.physics_hz;
+  out.predicted_ripple_n = 2.0 * stiffness * quantum_m;
   return out;
 }
 
@@ -159,7 +162,8 @@ TuneAnswer search_gains(const TuneQuestion& question, const std::function<bool(d
   out.stiffness_n_per_m = kTuneMargin * best->all_n_per_m();
   out.damping_n_s_per_m = out.stiffness_n_per_m * best->damping_time_s;
   out.theory = theory_limits(out.device, out.damping_n_s_per_m, question.haptic_hz, 1e-6 * question.delay_us);
-  if (out.stiffness_n_per_m > 0.0) out.air = fly(question, out.stiffness_n_per_m, out.damping_n_s_per_m);
+  if (out.stiffness_n_per_m > 0.0)
+    out.air = fly(question, out.stiffness_n_per_m, out.damping_n_s_per_m, out.device.quantum_m);
   return out;
 }
 

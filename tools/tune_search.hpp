@@ -46,8 +46,8 @@ struct TuneRow {
 struct FreeAir {
   double drag_n_s_per_m = 0.0;            ///< Mean force against the motion over the speed.
   double ripple_n = 0.0;                  ///< Peak to peak of what is left.
-  double predicted_drag_n_s_per_m = 0.0;  ///< K times the mean age of an answer, 1.5 periods of physics.
-  double predicted_ripple_n = 0.0;        ///< K·v·T_s: the set-point jumps once per period.
+  double predicted_drag_n_s_per_m = 0.0;  ///< K times the age of what is rendered: two periods of physics.
+  double predicted_ripple_n = 0.0;        ///< An encoder step at each end of the spring.
 };
 
 struct TuneAnswer {
