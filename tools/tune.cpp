@@ -125,7 +125,7 @@ void print(const TuneQuestion& question, const WakeupFigures& wakeup, const Tune
       "below %s (Abbott & Okamura), linearly stable below %s (Gil, Sanchez, Hulin). Friction and hand do the rest.\n",
       figure(answer.theory.passivity_n_per_m).c_str(), figure(answer.theory.friction_n_per_m).c_str(),
       figure(answer.theory.linear_n_per_m).c_str());
-  std::printf("Free air at 0.1 m/s: drag %s N.s/m (predicted %s), ripple %s N peak to peak (predicted %s).\n",
+  std::printf("Free air at 0.1 m/s: drag %s N.s/m (predicted %s), ripple %s N peak to peak (encoder steps alone: %s).\n",
               figure(answer.air.drag_n_s_per_m).c_str(), figure(answer.air.predicted_drag_n_s_per_m).c_str(),
               figure(answer.air.ripple_n).c_str(), figure(answer.air.predicted_ripple_n).c_str());
 }
