@@ -36,8 +36,8 @@ constexpr double kHeld = 0.95;        // of the ticks between
 constexpr double kRateApart = 0.005;  // of the loop's rate against a bare loop's
 
 constexpr double kOffset_m = 0.05;       // of the device's origin above the floor, as in the session file
-constexpr double kYield_n_per_m = 40.0;  // about what the soft body gives to the hand: the first guess of a depth
-constexpr int kTries = 3;                // to bring the means together
+constexpr double kYield_n_per_m = 25.0;  // about what the soft body gives to the hand: the first guess of a depth
+constexpr int kTries = 6;                // to bring the means together
 
 constexpr const char* kInterpolation = "interpolation";
 constexpr const char* kRemote = "remote_virtual_coupling";
@@ -289,31 +289,30 @@ void evaluate_soft(const SoftOptions& options, Experiment& experiment) {
   std::vector<StillFrame> pictures;
   double share = 0.0;
   std::string ratios;
-  double depth_m = 0.0, real_depth_m = 0.0;  // of interpolation; of it at kRealMachine
+  double real_depth_m = 0.0;  // of remote coupling at kRealMachine
   for (const Machine& machine : kMachines) {
     Pair pair;
-    progress.show_share(share, std::string(machine.what) + ", remote coupling, harness");
+    progress.show_share(share, std::string(machine.what) + ", interpolation, harness");
+    const Stroke interpolation = stroke_in_harness(options, settings(options, machine, kInterpolation, 0.0), nullptr);
+    pair.interpolation = judge(interpolation);
+    // Means are made equal at the one that does not vibrate: its mean follows the hand's depth.
     StillFrame picture;
     const bool wanted = &machine == &kMachines[2];
-    const Stroke remote =
-        stroke_in_harness(options, settings(options, machine, kRemote, 0.0), wanted ? &picture : nullptr);
-    pair.remote = judge(remote);
+    Stroke remote;
+    double depth_m = 0.0;
+    for (int attempt = 0; attempt < kTries; ++attempt) {
+      if (interrupted()) return;
+      progress.show_share(share + 0.1, std::string(machine.what) + ", remote coupling, harness");
+      remote = stroke_in_harness(options, settings(options, machine, kRemote, depth_m), wanted ? &picture : nullptr);
+      pair.remote = judge(remote);
+      pair.remote.depth_m = depth_m;
+      const double missing_n = pair.interpolation.roughness.mean_n - pair.remote.roughness.mean_n;
+      if (std::abs(missing_n) < 0.9 * kMeanApart * pair.remote.roughness.mean_n) break;
+      if (attempt + 1 < kTries) depth_m = std::clamp(depth_m + missing_n / kYield_n_per_m, -0.016, 0.016);
+    }
     if (wanted) {
       picture.stem = "soft_fig17";
       pictures.push_back(picture);
-    }
-    // Who presses is asked to press as hard: the hand goes deeper until the means are near.
-    Stroke interpolation;
-    depth_m = 0.0;
-    for (int attempt = 0; attempt < kTries; ++attempt) {
-      if (interrupted()) return;
-      progress.show_share(share + 0.1, std::string(machine.what) + ", interpolation, harness");
-      interpolation = stroke_in_harness(options, settings(options, machine, kInterpolation, depth_m), nullptr);
-      pair.interpolation = judge(interpolation);
-      pair.interpolation.depth_m = depth_m;
-      const double missing_n = pair.remote.roughness.mean_n - pair.interpolation.roughness.mean_n;
-      if (std::abs(missing_n) < 0.9 * kMeanApart * pair.remote.roughness.mean_n) break;
-      if (attempt + 1 < kTries) depth_m = std::clamp(depth_m + missing_n / kYield_n_per_m, -0.006, 0.006);
     }
     share += 0.2;
     if (&machine == &kRealMachine) real_depth_m = depth_m;
@@ -347,7 +346,7 @@ void evaluate_soft(const SoftOptions& options, Experiment& experiment) {
       const char* method = remote ? kRemote : kInterpolation;
       progress.show_share(0.99, std::string(method) + ", real processes, run " + std::to_string(run + 1));
       const auto stroke =
-          stroke_for_real(options, settings(options, kRealMachine, method, remote ? 0.0 : real_depth_m));
+          stroke_for_real(options, settings(options, kRealMachine, method, remote ? real_depth_m : 0.0));
       if (!stroke) continue;
       const Figures figures = judge(*stroke);
       if (run == 0) write_stroke(experiment.folder() / (std::string("soft_real_") + method + ".tsv"), *stroke);
