@@ -5,6 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "tools/link_json.hpp"
+
 namespace tools {
 
 namespace {
@@ -80,25 +82,6 @@ Json restart_json(const RestartFigures& restart) {
           {"delay_s", number(restart.delay_s)}};
 }
 
-Json link_json(const HapticFigures& haptic) {
-  if (!haptic.link) return nullptr;
-  const rtbus::LinkStats& link = *haptic.link;
-  return {
-      {"exchanges", link.exchanges},
-      {"lost_frames", link.lost_frames},
-      {"bad_frames", link.bad_frames},
-      {"resyncs", link.resyncs},
-      {"line_errors", link.line_errors},
-      {"limited", link.limited},
-      {"silences", link.silences},
-      {"late_forces", link.late_forces},
-      {"timed_out", link.timed_out},
-      {"withheld", link.withheld},
-      {"losses", link.losses},
-      {"sample_to_wire_us", {{"p50", number(link.sample_to_wire_p50_us)}, {"p99", number(link.sample_to_wire_p99_us)}}},
-      {"period_us", {{"p50", number(link.period_p50_us)}, {"p99", number(link.period_p99_us)}}}};
-}
-
 Json haptic_json(const HapticFigures& haptic, double duration_s) {
   const rtbus::LoopStats& s = haptic.stats;
   const rtbus::NodeInfo& info = haptic.info;
@@ -142,7 +125,7 @@ Json haptic_json(const HapticFigures& haptic, double duration_s) {
         {"passivity_ticks", s.passivity_ticks},
         {"device_lost", s.device_lost},
         {"losses", s.losses}}},
-      {"link", link_json(haptic)},
+      {"link", haptic.link ? link_json(*haptic.link) : Json(nullptr)},
       {"stiffness_n_per_m",
        {{"requested", number(info.stiffness_requested_n_per_m)},
         {"rendered", number(info.stiffness_rendered_n_per_m)}}},
