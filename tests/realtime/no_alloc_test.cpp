@@ -49,13 +49,15 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   auto settings = rtbus::config::load_session(file, overrides);
   const haptic::HapticConfig config = haptic::read_haptic_config(settings, 0);
   const bool loop_needs_physics = haptic::find_renderer(config.method)->needs_physics;
+  const bool loop_needs_contacts = haptic::find_renderer(config.method)->needs_contacts;
   auto device = config.device->open({.session = settings.session, .node_name = config.name});
   ASSERT_TRUE(device) << device.error().message;
 
   auto device_state = rtbus::Publication<rtbus::DeviceState>::create(settings.session, "haptic0.device_state");
   auto telemetry = rtbus::Publication<rtbus::Telemetry>::create(settings.session, "haptic0.telemetry");
   ASSERT_TRUE(device_state && telemetry);
-  haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", loop_needs_physics, loop_needs_physics, config.wire);
+  haptic::BusLink link(std::move(*device_state), settings.session, "haptic0", loop_needs_physics, loop_needs_contacts,
+                       config.wire);
   haptic::Loop loop(config, **device, link, true);
   rtbus::EventLog events;
 
@@ -63,6 +65,7 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   std::unique_ptr<physics::Stepper> stepper;
   std::optional<rtbus::Reader<rtbus::DeviceState>> hand;
   std::optional<rtbus::Writer<rtbus::ProxyState>> proxy;
+  std::optional<rtbus::Writer<rtbus::ProxyContacts>> contacts;
   std::optional<rtbus::Writer<rtbus::Heartbeat>> beat;
   if (loop_needs_physics) {
     stepper = std::make_unique<physics::Stepper>(
@@ -71,6 +74,9 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
     hand.emplace(*rtbus::Reader<rtbus::DeviceState>::open(settings.session, "haptic0.device_state"));
     proxy.emplace(*rtbus::Writer<rtbus::ProxyState>::create(settings.session, "physics.proxy_state.haptic0"));
     beat.emplace(*rtbus::Writer<rtbus::Heartbeat>::create(settings.session, "physics.heartbeat"));
+  }
+  if (loop_needs_contacts) {
+    contacts.emplace(*rtbus::Writer<rtbus::ProxyContacts>::create(settings.session, "physics.contacts.haptic0"));
   }
   link.maintain();
 
@@ -86,6 +92,11 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
       if (hand->read_latest(seen) == rtbus::ReadStatus::kFresh) stepper->set_device(0, seen.value, seen.sequence);
       stepper->step(1e-3);
       proxy->publish(stepper->answer(0), now_ns);
+      if (contacts) {
+        rtbus::ProxyContacts around;
+        stepper->contacts(0, 0.0, around);
+        contacts->publish(around, now_ns);
+      }
       rtbus::Heartbeat alive;
       alive.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
       beat->publish(alive, now_ns);
@@ -119,12 +130,14 @@ TEST_P(LoopOnTheBus, AllocatesNothingInTenThousandCycles) {
   (*device)->stop();
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Sessions, LoopOnTheBus,
-    testing::Values(Run{"wall.yaml", ""}, Run{"drop.yaml", ""}, Run{"drop.yaml", "virtual_coupling"},
-                    Run{"wall.yaml", "interpolation"}, Run{"wall.yaml", "interpolation_predicted"},
-                    Run{"drop_paper.yaml", "interpolation"}, Run{"drop_paper.yaml", "interpolation_predicted"},
-                    Run{"drop_paper.yaml", "remote_virtual_coupling"}, Run{"drop_paper.yaml", "virtual_coupling"}));
+INSTANTIATE_TEST_SUITE_P(Sessions, LoopOnTheBus,
+                         testing::Values(Run{"wall.yaml", ""}, Run{"drop.yaml", ""},
+                                         Run{"drop.yaml", "virtual_coupling"}, Run{"wall.yaml", "local_contact"},
+                                         Run{"wall.yaml", "interpolation"}, Run{"wall.yaml", "interpolation_predicted"},
+                                         Run{"drop_paper.yaml", "interpolation"},
+                                         Run{"drop_paper.yaml", "interpolation_predicted"},
+                                         Run{"drop_paper.yaml", "remote_virtual_coupling"},
+                                         Run{"drop_paper.yaml", "virtual_coupling"}));
 
 }  // namespace
 #endif
