@@ -40,10 +40,10 @@ TEST_P(PushedStack, IsFeltSmootherByRemoteCouplingAtEqualMeanForce) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Rates, PushedStack,
-                         testing::Values(StackCell{"at_100_hz", 125, false, 100.0, 800.0, true},
-                                         StackCell{"at_43_hz", 125, false, 43.0, 400.0, true},
-                                         StackCell{"at_18_hz", 125, false, 18.0, 275.0, true},
-                                         StackCell{"over_a_pipe", 125, true, 0.0, 450.0, true}),
+                         testing::Values(StackCell{"at_100_hz", 125, false, 100.0, 0.0, 800.0, true},
+                                         StackCell{"at_43_hz", 125, false, 43.0, 0.0, 400.0, true},
+                                         StackCell{"at_18_hz", 125, false, 18.0, 0.0, 275.0, true},
+                                         StackCell{"over_a_pipe", 125, true, 0.0, 0.0, 450.0, true}),
                          [](const auto& row) { return std::string(row.param.id); });
 
 // What that rests on: where interpolation does not vibrate, its ramp is the smoother one, and the steps of a held proxy
@@ -59,7 +59,7 @@ TEST(StackSensitivity, AFirmHandStillsTheInterpolation) {
 
 TEST(StackSetup, LeavesTheLastWordToTheUser) {
   const auto setup = stack_setup(options({"haptic.0.coupling.stiffness_n_per_m=123"}), tools::stack_cells().front(),
-                                 "interpolation", 100.0);
+                                 "interpolation", 100.0, StackOptions::kPaperPush_s);
   EXPECT_EQ(setup.assignments.back(), "haptic.0.coupling.stiffness_n_per_m=123");
 }
 

@@ -17,6 +17,10 @@ struct StackOptions {
   std::string config_folder;             ///< Where stack_125.yaml and its sisters are.
   std::vector<std::string> assignments;  ///< `--set`; stronger than what the experiment sets.
   bool quick = false;                    ///< A shorter push, fewer real runs, no stills, no larger stacks.
+
+  [[nodiscard]] double push_s() const noexcept { return quick ? kShortPush_s : kPaperPush_s; }
+  static constexpr double kPaperPush_s = 20.0;
+  static constexpr double kShortPush_s = 7.0;  ///< Begins nearer to the stack.
 };
 
 /// One stack on one kind of machine.
@@ -25,6 +29,7 @@ struct StackCell {
   int cubes;
   bool pipe;           ///< The paper's whole loop: `form: paper` over a named pipe, 50 packets per second.
   double throttle_hz;  ///< Imitates the paper's machine; 0: this machine's own speed.
+  double parts_hz;     ///< Parts of which a throttled step consists, per second; 0: as many as the session's file says.
   double stiffness_n_per_m;
   bool compared;  ///< Both methods, in the harness too.
 };
@@ -43,8 +48,9 @@ struct PublishedStack {
 [[nodiscard]] std::span<const PublishedStack> published_stacks() noexcept;
 
 /// The session of a cell for one method. @param hand_n_per_m Stiffness with which the hand pushes.
+/// @param push_s StackOptions::kShortPush_s or kPaperPush_s.
 [[nodiscard]] PushSetup stack_setup(const StackOptions& options, const StackCell& cell, const char* method,
-                                    double hand_n_per_m);
+                                    double hand_n_per_m, double push_s);
 
 /// Both methods at equal mean force, under the simulated clock.
 struct StackPair {
@@ -52,7 +58,6 @@ struct StackPair {
   PushFigures remote_same_hand;  ///< Before the means were made equal.
   double hand_interpolation_n_per_m = 0.0, hand_remote_n_per_m = 0.0;
   PushTrace interpolation_trace, remote_trace;
-  StillFrame remote_end;
 
   [[nodiscard]] double mean_ratio() const noexcept;  ///< Remote over interpolation, likewise below.
   [[nodiscard]] double increment_ratio() const noexcept;
@@ -62,8 +67,9 @@ struct StackPair {
 /// Means within this share of each other are called equal.
 inline constexpr double kEqualMean = 0.10;
 
-/// Runs interpolation, then remote coupling; as long as their mean forces differ by more than kEqualMean, the hand of
-/// the remote coupling pushes the harder or softer, four times at most.
+/// Runs interpolation, then remote coupling, both for the short push: in 20 s an interpolation that vibrates over the
+/// pipe leaves the stack for good, and no mean is left to be equal to. As long as their mean forces differ by more than
+/// kEqualMean, the hand of the remote coupling pushes the harder or softer, four times at most.
 [[nodiscard]] StackPair compare_at_equal_mean(const StackOptions& options, const StackCell& cell);
 
 /// Runs all of it, draws it, and checks it.

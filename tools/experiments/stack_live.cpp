@@ -53,7 +53,7 @@ std::vector<StackRun> run_stacks(const StackOptions& options, const std::vector<
       const bool remote = std::string(method) == "remote_virtual_coupling";
       if (options.quick && !cells[i].compared && !remote) continue;
       const double hand = remote && cells[i].compared ? pairs[i].hand_remote_n_per_m : kStackHand_n_per_m;
-      const PushSetup setup = stack_setup(options, cells[i], method, hand);
+      const PushSetup setup = stack_setup(options, cells[i], method, hand, options.push_s());
       for (int attempt = 1; attempt <= kTries; ++attempt) {
         if (interrupted()) return runs;
         char text[120];
@@ -83,8 +83,8 @@ Table larger_stacks(const StackOptions& options) {
   for (const LargerStack& size : kLarger) {
     if (interrupted()) break;
     const int cubes = size.wide * size.high * size.deep;
-    StackCell cell{"", 500, false, 0.0, 800.0, false};
-    PushSetup setup = stack_setup(options, cell, "remote_virtual_coupling", kStackHand_n_per_m);
+    const StackCell cell{"", 500, false, 0.0, 0.0, 800.0, false};
+    PushSetup setup = stack_setup(options, cell, "remote_virtual_coupling", kStackHand_n_per_m, options.push_s());
     char text[120];
     std::snprintf(text, sizeof text, "scene.bodies.cube.grid.count=[%d, %d, %d]", size.wide, size.high, size.deep);
     setup.assignments.emplace_back(text);
