@@ -72,11 +72,13 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
     monitor_.proxy(proxy_news_.stamp_ns);
     const rtbus::ProxyState& news = proxy_news_.value;
     // An answer to another mapping, to a sample from before forces were enabled (perhaps of a process before this one),
-    // or to one that is yet to come, says nothing about the hand now.
+    // or to one that is yet to come, says nothing about the hand now. Neither does one that no world can mean.
     proxy_.valid = news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch() &&
                    news.device_time_ns >= enabled_ns_ && news.device_time_ns <= now_ns &&
-                   to_vector(news.position_m).allFinite() && to_vector(news.velocity_m_s).allFinite() &&
-                   to_vector(news.hand_force_n).allFinite() && to_vector(news.coupling_force_n).allFinite();
+                   sane_position(mapping_.position_to_device(to_vector(news.position_m))) &&
+                   sane_velocity(mapping_.velocity_to_device(to_vector(news.velocity_m_s))) &&
+                   sane_force(mapping_.force_to_device(to_vector(news.hand_force_n))) &&
+                   sane_force(mapping_.force_to_device(to_vector(news.coupling_force_n)));
     if (!proxy_.valid) proxy_step_ = 0;
     if (proxy_.valid) {
       proxy_.fresh = true;

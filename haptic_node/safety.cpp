@@ -36,6 +36,8 @@ Eigen::Vector3d shortened(const Eigen::Vector3d& v, double limit) noexcept {
 }  // namespace
 
 bool sane_position(const Eigen::Vector3d& p_DT) noexcept { return sane(p_DT, kAbsurdPosition_m); }
+bool sane_velocity(const Eigen::Vector3d& v_DT) noexcept { return sane(v_DT, kAbsurdSpeed_m_s); }
+bool sane_force(const Eigen::Vector3d& f_DT) noexcept { return sane(f_DT, kAbsurdForce_n); }
 
 SafetyLadder::SafetyLadder(const SafetyConfig& config) noexcept
     : config_(config),
@@ -138,7 +140,7 @@ void SafetyLadder::start_over() noexcept {
 SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   SafetyOutput out;
   SafetyInput checked = input;
-  if (!sane_position(input.position_m) || !sane(input.velocity_m_s, kAbsurdSpeed_m_s)) {
+  if (!sane_position(input.position_m) || !sane_velocity(input.velocity_m_s)) {
     // A pose that is not a number: as good as no device.
     checked.device_ok = false;
     checked.velocity_m_s.setZero();
@@ -151,7 +153,7 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   }
 
   Eigen::Vector3d force = checked.force_n;
-  if (!sane(force, kAbsurdForce_n)) {
+  if (!sane_force(force)) {
     force.setZero();
     out.acted |= kNonfinite;
   }

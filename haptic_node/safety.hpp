@@ -51,9 +51,9 @@ struct SafetyInput {
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();       ///< From the force law, in D.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DT.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DT, estimated.
-  double world_work_j = 0.0;  ///< What the world has put into the coupling at the proxy, since the cycle before.
-  double dt_s = 0.0;                                       ///< Period of the loop.
-  std::uint64_t now_ns = 0;                                ///< Of this cycle: when its force will act.
+  double world_work_j = 0.0;         ///< What the world has put into the coupling at the proxy, since the cycle before.
+  double dt_s = 0.0;                 ///< Period of the loop.
+  std::uint64_t now_ns = 0;          ///< Of this cycle: when its force will act.
   std::uint64_t sample_time_ns = 0;  ///< When position_m was measured; the same as before: nothing new.
   bool enabled = false;              ///< The user wants forces (and no clutch is pressed).
   bool link_alive = false;           ///< Physics answers, or the force law does not need it.
@@ -68,6 +68,9 @@ struct SafetyOutput {
 
 /// A position that can be meant: finite, and nearer than a kilometre. Loop and ladder judge by the same.
 [[nodiscard]] bool sane_position(const Eigen::Vector3d& p_DT) noexcept RTBUS_NONBLOCKING;
+/// Likewise a velocity (below 10⁶ m/s) and a force (below 10⁹ N): with more a law's own sums would overflow.
+[[nodiscard]] bool sane_velocity(const Eigen::Vector3d& v_DT) noexcept RTBUS_NONBLOCKING;
+[[nodiscard]] bool sane_force(const Eigen::Vector3d& f_DT) noexcept RTBUS_NONBLOCKING;
 
 /// One per loop. @realtime Yes: constant time, no allocation.
 ///
