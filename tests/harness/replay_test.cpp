@@ -34,7 +34,9 @@ class Replay : public testing::Test {
     std::optional<rtbus::recording::Writer> writer;
     std::size_t states = 0, ticks = 0;
     if (!recording.empty()) {
-      auto created = rtbus::recording::Writer::create(recording, {.session = session});
+      rtbus::recording::Metadata about;
+      about.session = session;
+      auto created = rtbus::recording::Writer::create(recording, about);
       if (!created) throw std::runtime_error(created.error().message);
       writer.emplace(std::move(*created));
       states = *writer->add_topic("haptic0.device_state", tests::description_of<rtbus::DeviceState>());
@@ -47,7 +49,9 @@ class Replay : public testing::Test {
       writer->append(states, tick.tick, tick.device_time_ns, tests::bytes_of(harness.device_state()));
       writer->append(ticks, tick.tick, tick.device_time_ns, tests::bytes_of(tick));
     });
-    if (writer) EXPECT_TRUE(writer->close());
+    if (writer) {
+      EXPECT_TRUE(writer->close());
+    }
     return out;
   }
   [[nodiscard]] std::string file() const { return folder_.path() / "motion.h5"; }

@@ -49,7 +49,7 @@ INSTANTIATE_TEST_SUITE_P(Rates, PushedStack,
 // What that rests on: where interpolation does not vibrate, its ramp is the smoother one, and the steps of a held proxy
 // are felt.
 TEST(StackSensitivity, AFirmHandStillsTheInterpolation) {
-  const StackCell cell{"firm", 125, false, 18.0, 275.0, true};
+  const StackCell cell{"firm", 125, false, 18.0, 0.0, 275.0, true};
   const tools::StackPair pair =
       compare_at_equal_mean(options({"haptic.0.device.hand.stiffness_n_per_m=700",
                                      "haptic.0.device.hand.damping_n_s_per_m=6", "haptic.0.device.hand.mass_kg=0.15"}),
