@@ -57,13 +57,14 @@ void write_points(const std::filesystem::path& file, const std::vector<Precision
 
 }  // namespace
 
-void draw_precision(Experiment& experiment, const PrecisionScene& scene, const std::vector<PrecisionRow>& rows) {
+void draw_precision(Experiment& experiment, const std::string& scene, const std::string& what,
+                    const std::vector<PrecisionRow>& rows) {
   const auto gnuplot = Gnuplot::find();
   if (!gnuplot) {
     experiment.note("gnuplot is not there: no figures");
     return;
   }
-  const std::string stem = "work_precision_" + scene.name;
+  const std::string stem = "work_precision_" + scene;
   {
     std::ofstream front(experiment.folder() / (stem + "_front.tsv"));
     front << "# CPU [ms/s]\tforce RMS [N]\n";
@@ -74,8 +75,7 @@ void draw_precision(Experiment& experiment, const PrecisionScene& scene, const s
   figure.stem = stem;
   figure.height_px = 900;
   figure.body =
-      "set multiplot layout 2,1 title " +
-      gnuplot_quoted("Force error of each method, scene " + scene.name + "; physics answers one full period late") +
+      "set multiplot layout 2,1 title " + gnuplot_quoted("Force error of each method, scene " + scene + "; " + what) +
       "\nset grid lc rgb 'gray80'\nset lmargin 11\nset rmargin 34\nset key outside right top Left reverse\n"
       "set logscale xy\nset format y '%g'\nset ylabel 'force error, RMS [N]'\n"
       "set xlabel 'CPU time of haptics and physics [ms per simulated second]'\nplot " +
