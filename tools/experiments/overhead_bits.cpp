@@ -11,8 +11,7 @@
 
 #include "drivers/usb/driver_module.hpp"
 #include "haptic_node/safety.hpp"
-#include "physics_node/pose_publisher.hpp"
-#include "physics_node/soft_node_publisher.hpp"
+#include "physics_node/frame_publisher.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/publication.hpp"
 #include "tools/ask_kernel.hpp"

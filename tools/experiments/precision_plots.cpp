@@ -79,7 +79,8 @@ void draw_precision(Experiment& experiment, const std::string& scene, const std:
       "\nset grid lc rgb 'gray80'\nset lmargin 11\nset rmargin 34\nset key outside right top Left reverse\n"
       "set logscale xy\nset format y '%g'\nset ylabel 'force error, RMS [N]'\n"
       "set xlabel 'CPU time of haptics and physics [ms per simulated second]'\nplot " +
-      gnuplot_quoted(stem + "_front.tsv") + " using 1:2 with steps lw 1.5 dt 2 lc rgb 'gray40' title 'Pareto front'";
+      gnuplot_quoted(stem + "_front.tsv") + " using 1:2 with steps lw 1.5 dt 2 lc rgb 'gray40' title 'Pareto front', " +
+      gnuplot_quoted(stem + "_front.tsv") + " using 1:2 with points pt 6 ps 2.4 lc rgb 'gray40' notitle";
   const std::vector<std::string> methods = methods_of(rows);
   for (const std::string& method : methods) {
     const std::string file = stem + "_" + method + ".tsv";

@@ -152,7 +152,8 @@ PrecisionTrace known_to(const PrecisionScene& base, Experiment& experiment, Tabl
   experiment.check_at_most("work-precision.soft.reference", "soft: the finest loops are apart by, RMS", 1e3 * worst_n,
                            "mN", 10.0);
   experiment.note(
-      "soft: the length of a step is part of the material (docs/scenes.md); engine rates other than 1000 Hz are off by "
+      "soft: the length of a step is part of the material (config/README.md); engine rates other than 1000 Hz are off "
+      "by "
       "that");
   return finest;
 }

@@ -23,12 +23,12 @@ tools::OverheadPlan plan() {
 TEST(Overhead, SpeaksOfEveryPartInEverySession) {
   std::multiset<std::string> spoken_of;
   for (const tools::OverheadPart& part : plan().parts) {
-    for (const char* word : {"engine", "soft solver", "torque", "USB", "recorder"}) {
+    for (const char* word : {"engine", "soft solver", "torque", "passivity", "deactivation", "USB", "recorder"}) {
       if (part.name.find(word) != std::string::npos) spoken_of.insert(part.session + " " + word);
     }
   }
   for (const char* session : {"wall ", "stack_125 ", "soft "}) {
-    for (const char* word : {"engine", "soft solver", "torque", "USB", "recorder"}) {
+    for (const char* word : {"engine", "soft solver", "torque", "passivity", "deactivation", "USB", "recorder"}) {
       EXPECT_EQ(spoken_of.count(std::string(session) + word), 1U) << session << word;
     }
   }
