@@ -40,13 +40,10 @@ class LiveRun {
     std::optional<LiveFigures> figures;
     if (start() && settle(variant_.settle_s) &&
         wait([&] { return simulated_long_enough(); }, kLagPatience_s, "simulate enough")) {
-      const auto before = cpu_s();
-      const auto published = counts();
-      const std::uint64_t began_ns = rtbus::monotonic_ns();
       if (proxies_) (void)proxies_->read_latest(proxy_);  // from here on
       steps_us_.clear();
-      if (settle(duration_s))
-        figures = measure(before, published, rtbus::seconds_between(began_ns, rtbus::monotonic_ns()));
+      const Instant begin = now();
+      if (settle(duration_s)) figures = measure(begin, now());
     }
     supervisor_.end_all();
     rtbus::remove_dead(plan_.session.name);
@@ -171,21 +168,24 @@ class LiveRun {
     return true;
   }
 
-  double cpu_s() {
-    double sum_s = 0.0;
+  /// Counters, and when they stood so: on a machine that is busy every question takes its time.
+  struct Instant {
+    std::uint64_t counted_ns = 0, used_ns = 0;
+    std::vector<rtbus::TopicInfo> topics;
+    double cpu_s = 0.0;
+  };
+  Instant now() {
+    Instant out;
+    out.topics = rtbus::list_topics(plan_.session.name);
+    out.counted_ns = rtbus::monotonic_ns();
     for (const ChildView& child : supervisor_.running()) {
-      if (const auto usage = ask_process(child.pid)) sum_s += usage->cpu_s;
+      if (const auto usage = ask_process(child.pid)) out.cpu_s += usage->cpu_s;
     }
-    return sum_s;
-  }
-
-  std::map<std::string, std::uint64_t> counts() {
-    std::map<std::string, std::uint64_t> out;
-    for (const rtbus::TopicInfo& topic : rtbus::list_topics(plan_.session.name)) out[topic.topic] = topic.published;
+    out.used_ns = rtbus::monotonic_ns();
     return out;
   }
 
-  LiveFigures measure(double cpu_before_s, std::map<std::string, std::uint64_t> published, double span_s) {
+  LiveFigures measure(const Instant& begin, const Instant& end) {
     LiveFigures out;
     std::set<std::string> libraries;
     for (const ChildView& child : supervisor_.running()) {
@@ -197,10 +197,13 @@ class LiveRun {
       }
     }
     out.libraries.assign(libraries.begin(), libraries.end());
-    out.cpu_s_per_s = (cpu_s() - cpu_before_s) / span_s;
-    for (const rtbus::TopicInfo& topic : rtbus::list_topics(plan_.session.name)) {
+    out.cpu_s_per_s = (end.cpu_s - begin.cpu_s) / rtbus::seconds_between(begin.used_ns, end.used_ns);
+    std::map<std::string, std::uint64_t> before;
+    for (const rtbus::TopicInfo& topic : begin.topics) before[topic.topic] = topic.published;
+    for (const rtbus::TopicInfo& topic : end.topics) {
       out.shm_bytes += topic.segment_bytes;
-      out.topics_hz[topic.topic] = static_cast<double>(topic.published - published[topic.topic]) / span_s;
+      out.topics_hz[topic.topic] = static_cast<double>(topic.published - before[topic.topic]) /
+                                   rtbus::seconds_between(begin.counted_ns, end.counted_ns);
     }
     auto loop = rtbus::Reader<rtbus::LoopStats>::open(plan_.session, plan_.haptic.front().name + ".loop_stats");
     rtbus::Stamped<rtbus::LoopStats> ticks;

@@ -117,8 +117,7 @@ OverheadPlan overhead_plan(const OverheadOptions& options) {
        {.topic = "physics.contacts.haptic0"});
   if (options.recorder) part("stack_125", "recorder", stack, recorded(stack), recorder);
   // Left out: what costs the steps of bodies that rest.
-  part("stack_125", "bodies awake (no deactivation)", asleep, with(asleep, {"scene.deactivation.enabled=false"}),
-       {.step_ratio = 5.0});
+  part("stack_125", "no deactivation", asleep, with(asleep, {"scene.deactivation.enabled=false"}), {.step_ratio = 5.0});
 
   const LiveVariant soft{.session_file = options.soft_file};
   absent("soft", "engine (Bullet)", "no other engine knows soft bodies", soft);
