@@ -60,7 +60,11 @@ std::string cost_axis(const std::vector<PrecisionRow>& rows) {
   if (high <= 0.0) return {};
   std::string tics = "set xrange [" + number(low / 1.5) + ":" + number(high * 1.5) + "]\nset xtics (";
   for (double decade = 1e-3; decade < 1e6; decade *= 10.0) {
-    for (const double each : {1.0, 2.0, 5.0}) tics += (tics.back() == '(' ? "" : ", ") + number(each * decade);
+    for (const double each : {1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0}) {
+      const bool always = each == 1.0 || each == 2.0 || each == 5.0;
+      if (!always && high > 4.0 * low) continue;
+      tics += (tics.back() == '(' ? "" : ", ") + number(each * decade);
+    }
   }
   return tics + ")\n";
 }
