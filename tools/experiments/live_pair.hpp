@@ -12,12 +12,12 @@ namespace tools {
 /// One way to run a session.
 struct LiveVariant {
   std::string session_file;
-  std::vector<std::string> assignments;  ///< --set.
-  bool physics = true;                   ///< False: its process is not started, whatever the file says.
-  bool observe_telemetry = false;        ///< Somebody looks at the first haptic node's ticks.
-  bool observe_bodies = false;           ///< Somebody looks at the bodies, or at the nodes of soft ones.
-  bool record = false;                   ///< `rtbus record` runs beside it, into a file that is removed.
-  double settle_s = 0.4;                 ///< Of simulated time, before anything is measured.
+  std::vector<std::string> assignments = {};  ///< --set.
+  bool physics = true;                        ///< False: its process is not started, whatever the file says.
+  bool observe_telemetry = false;             ///< Somebody looks at the first haptic node's ticks.
+  bool observe_bodies = false;                ///< Somebody looks at the bodies, or at the nodes of soft ones.
+  bool record = false;                        ///< `rtbus record` runs beside it, into a file that is removed.
+  double settle_s = 0.4;                      ///< Of simulated time, before anything is measured.
 };
 
 /// What ran, over all processes of the session.

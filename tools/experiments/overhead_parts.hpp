@@ -13,11 +13,11 @@ namespace tools {
 
 /// How a part that is there shows itself; what is empty is not looked for.
 struct PartSigns {
-  std::string library;       ///< Part of the file name of a library that it maps.
-  std::string thread;        ///< Name of a thread that it starts.
-  std::string topic;         ///< A topic that exists for it alone.
-  std::string silent_topic;  ///< One that is there anyway, in which nothing is published without it …
-  double low_hz = 0.0;       ///< … and with it so often.
+  std::string library = {};       ///< Part of the file name of a library that it maps.
+  std::string thread = {};        ///< Name of a thread that it starts.
+  std::string topic = {};         ///< A topic that exists for it alone.
+  std::string silent_topic = {};  ///< One that is there anyway, in which nothing is published without it …
+  double low_hz = 0.0;            ///< … and with it so often.
   double high_hz = 0.0;
   bool process = false;     ///< One process more.
   double step_ratio = 0.0;  ///< A step with it takes at least so many times that without; 0: nothing said.
@@ -27,7 +27,7 @@ struct PartSigns {
 struct OverheadPart {
   std::string session;                      ///< "wall", "stack_125", "soft".
   std::string name;                         ///< "engine (Bullet)".
-  std::string absent;                       ///< Why it has no meaning here, in a few words; then the rest is empty.
+  std::string absent = {};                  ///< Why it has no meaning here, in a few words; then the rest is empty.
   std::size_t left_out = 0, forced_on = 0;  ///< Of OverheadPlan::variants.
   PartSigns signs = {};
   std::vector<LiveFigures> without = {}, with = {};  ///< Pair by pair.
