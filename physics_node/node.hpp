@@ -14,9 +14,8 @@
 #include <vector>
 
 #include "physics_node/contact_topics.hpp"
+#include "physics_node/frame_publisher.hpp"
 #include "physics_node/node_config.hpp"
-#include "physics_node/pose_publisher.hpp"
-#include "physics_node/soft_node_publisher.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/result.hpp"
@@ -84,14 +83,15 @@ class Node {
   NodeConfig config_;
   std::unique_ptr<Topics> topics_;
   ContactTopics contact_topics_;
-  std::unique_ptr<Stepper> stepper_;      // of the step thread once it runs
-  std::unique_ptr<PosePublisher> poses_;  // null: nothing in this scene moves
+  std::unique_ptr<Stepper> stepper_;               // of the step thread once it runs
+  std::unique_ptr<PosePublisher> poses_;           // null: nothing in this scene moves
   std::unique_ptr<SoftNodePublisher> soft_nodes_;  // null: nothing in this scene is soft
-  std::vector<std::uint64_t> heard_ns_;            // when each device last published; 0: never, or silence already noticed
+  std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed
 
   // Written by the step thread, read by the beat thread.
   rtbus::Histogram step_time_ns_;
-  std::atomic<std::uint64_t> steps_{0}, due_{0}, late_{0}, ignored_{0}, recoveries_{0}, last_work_ns_{0}, last_compute_ns_{0};
+  std::atomic<std::uint64_t> steps_{0}, due_{0}, late_{0}, ignored_{0}, recoveries_{0}, last_work_ns_{0},
+      last_compute_ns_{0};
   std::atomic<double> simulated_s_{0.0}, wall_s_{0.0};  // of the steps so far; the time in which they were due
 
   std::atomic<bool> stop_steps_{false}, stop_beats_{false};

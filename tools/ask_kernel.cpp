@@ -214,6 +214,17 @@ std::vector<std::string> mapped_libraries(pid_t pid) {
   return parse_mapped_libraries(slurp("/proc/" + std::to_string(pid) + "/maps"));
 }
 
+std::vector<std::string> thread_names(pid_t pid) {
+  std::vector<std::string> names;
+  std::error_code gone;  // threads end, processes too
+  for (const auto& task : fs::directory_iterator("/proc/" + std::to_string(pid) + "/task", gone)) {
+    std::string name = slurp(task.path() / "comm");
+    if (!name.empty() && name.back() == '\n') name.pop_back();
+    if (!name.empty()) names.push_back(std::move(name));
+  }
+  return names;
+}
+
 std::optional<MountFacts> parse_mount(std::string_view text, std::string_view path) {
   std::optional<MountFacts> found;
   std::istringstream lines{std::string(text)};

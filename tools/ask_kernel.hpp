@@ -52,6 +52,9 @@ struct ProcessUsage {
 /// Shared libraries that `pid` has mapped, full paths, sorted, each once; empty also when it may not be asked.
 [[nodiscard]] std::vector<std::string> mapped_libraries(pid_t pid);
 
+/// The names of its threads, one for each, in no order; empty when there is no such process.
+[[nodiscard]] std::vector<std::string> thread_names(pid_t pid);
+
 /// A mounted file system that files go to.
 struct MountFacts {
   std::string type;     ///< "tmpfs".

@@ -1,13 +1,23 @@
 /// `rtbus evaluate EXPERIMENT`: reproducible experiments with their checks, tables and figures.
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "rtbus/clock.hpp"
 #include "rtbus/config/document.hpp"
 #include "tools/command.hpp"
 #include "tools/experiments/drop.hpp"
@@ -79,6 +89,7 @@ void run_work_precision(const EvaluateOptions& options, Experiment& experiment) 
   precision.sphere_file = find_config("sphere.yaml");
   precision.block_file = find_config("free_block.yaml");
   precision.stack_file = find_config("stack_125.yaml");
+  precision.soft_file = find_config("soft.yaml");
   precision.assignments = options.assignments;
   precision.quick = options.quick;
   evaluate_work_precision(precision, experiment);
@@ -108,8 +119,10 @@ void run_faults(const EvaluateOptions& options, Experiment& experiment) {
 }
 
 void run_overhead(const EvaluateOptions& options, Experiment& experiment) {
-  OverheadOptions overhead{find_config("wall.yaml"), find_config("stack_125.yaml")};
-  if (options.quick) overhead.rounds = 2, overhead.seconds = 1.5;
+  OverheadOptions overhead{find_config("wall.yaml"), find_config("stack_125.yaml"), find_config("soft.yaml")};
+  overhead.usb = RTBUS_WITH_USB;
+  overhead.recorder = RTBUS_WITH_HDF5;
+  if (options.quick) overhead.rounds = 2, overhead.seconds = 1.0;
   evaluate_overhead(overhead, experiment);
 }
 
@@ -150,28 +163,77 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
   }
 }
 
+/// How an experiment in a process of its own ended, and what it took.
+struct OneOfAll {
+  std::string name;
+  int status = kExitFailed;
+  double wall_s = 0.0;
+  double cpu_s = 0.0;  ///< Its own and of what it started.
+};
+
+/// Each begins as if it were the only one: no library is mapped that another has needed, no memory is held, and one
+/// that crashes leaves the others to run.
+OneOfAll evaluate_apart(const Row& row, const EvaluateOptions& options, const std::string& command_line) {
+  OneOfAll out{row.name};
+  const std::uint64_t began_ns = rtbus::monotonic_ns();
+  std::fflush(nullptr);
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+    const int status = evaluate_one(row, options, command_line);
+    std::fflush(nullptr);
+    ::_exit(status);
+  }
+  if (pid < 0) {
+    std::fprintf(stderr, "evaluate %s: no process: %s\n", row.name, std::strerror(errno));
+    return out;
+  }
+  int status = 0;
+  rusage used{};
+  bool told = false;
+  while (::wait4(pid, &status, 0, &used) < 0 && errno == EINTR) {
+    // Ctrl-C reaches it by itself, a signal to this process alone does not.
+    if (interrupted() && !std::exchange(told, true)) ::kill(pid, SIGTERM);
+  }
+  if (WIFEXITED(status)) {
+    out.status = WEXITSTATUS(status);
+  } else {
+    std::fprintf(stderr, "evaluate %s: ended by signal %d\n", row.name, WTERMSIG(status));
+  }
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  out.wall_s = rtbus::seconds_between(began_ns, rtbus::monotonic_ns());
+  out.cpu_s = seconds(used.ru_utime) + seconds(used.ru_stime);
+  return out;
+}
+
 /// One after the other; the worst status of all.
 int evaluate_all(const EvaluateOptions& options, const std::string& command_line) {
   if (!options.config.empty() || !options.assignments.empty()) {
     std::fprintf(stderr, "evaluate all takes neither --config nor --set: not every experiment does\n");
     return kExitUsage;
   }
-  int worst = kExitFine;
-  std::vector<std::string> failed;
+  std::vector<OneOfAll> ended;
   for (const Row& row : kExperiments) {
     if (interrupted()) return kExitFailed;
     if (!options.json) std::printf("\n== evaluate %s\n", row.name);
-    if (const int status = evaluate_one(row, options, command_line); status != kExitFine) {
-      worst = std::max(worst, status);
-      failed.emplace_back(row.name);
-    }
+    ended.push_back(evaluate_apart(row, options, command_line));
   }
-  if (!options.json) {
-    std::printf("\n%zu of %zu experiments passed", kExperiments.size() - failed.size(), kExperiments.size());
-    for (const std::string& name : failed)
-      std::printf("%s %s", &name == &failed.front() ? "; failed:" : ",", name.c_str());
-    std::printf("\n");
+  int worst = kExitFine;
+  double wall_s = 0.0, cpu_s = 0.0;
+  std::size_t passed = 0;
+  std::FILE* const to = options.json ? stderr : stdout;
+  std::fprintf(to, "\n  %-16s %8s %8s\n", "experiment", "wall [s]", "CPU [s]");
+  for (const OneOfAll& one : ended) {
+    worst = std::max(worst, one.status);
+    passed += one.status == kExitFine ? 1U : 0U;
+    wall_s += one.wall_s;
+    cpu_s += one.cpu_s;
+    std::fprintf(to, "  %-16s %8.0f %8.0f  %s\n", one.name.c_str(), one.wall_s, one.cpu_s,
+                 one.status == kExitFine ? "passed" : "FAILED");
   }
+  std::fprintf(to, "  %-16s %8.0f %8.0f  %zu of %zu experiments passed\n", "all", wall_s, cpu_s, passed, ended.size());
   return worst;
 }
 

@@ -20,6 +20,9 @@ namespace physics {
 /// onto what the bodies leave free; analytic/contact_sweep.hpp does that along the path, so that no speed and no step
 /// makes a proxy tunnel. Newton's law holds to rounding: m·(v⁺ − v)/h = coupling_force + contact_force.
 ///
+/// Exact at any step: forces on and places of a proxy that bodies hold, its speed under a constant force, friction
+/// included. Of first order in the step: where and when things are that move (tests: analytic_closed_form_test.cpp).
+///
 /// A proxy that starts inside a body is moved out at kRecoverySpeedMS or less, as a displacement without kinetic
 /// energy. Finite inputs beyond the limits below are clamped to them; targets and steps that are not finite are
 /// ignored.

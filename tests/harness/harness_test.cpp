@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "physics_node/pose_publisher.hpp"
+#include "physics_node/frame_publisher.hpp"
 
 namespace {
 

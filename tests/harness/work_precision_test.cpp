@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tools/experiments/precision_stack.hpp"
@@ -17,6 +18,7 @@ tools::WorkPrecisionOptions options() {
   out.wall_file = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml";
   out.sphere_file = std::string(RTBUS_SOURCE_DIR) + "/config/sphere.yaml";
   out.block_file = std::string(RTBUS_SOURCE_DIR) + "/config/free_block.yaml";
+  out.soft_file = std::string(RTBUS_SOURCE_DIR) + "/config/soft.yaml";
   return out;
 }
 
@@ -51,6 +53,25 @@ TEST(WorkPrecision, TheConvergedLoopIsTheClosedFormOnTheWall) {
   const tools::Reference exact = tools::wall_reference(scene);
   EXPECT_LT(force_error_n(scene, {"remote_virtual_coupling", 10000, 10000, 10000, 0, false}, exact), 5e-3);
 }
+
+#if RTBUS_WITH_BULLET
+TEST(WorkPrecision, ASoftBodyIsKnownFarBetterThanAnyLateMethodRendersIt) {
+  auto scene = tools::soft_scene(options());
+  const auto loop = [&](double haptic_hz) {
+    return tools::run_precisely(scene, {"remote_virtual_coupling", 1000, haptic_hz, 1000, 0, false});
+  };
+  const tools::PrecisionTrace coarse = loop(2000), fine = loop(4000);
+  EXPECT_GT(*std::max_element(fine.force_n.begin(), fine.force_n.end()), 0.5);  // it is touched
+  const double known_to_n = tools::error_of(coarse, scene, tools::reference_of(fine)).force_rms_n;
+  EXPECT_LT(known_to_n, 0.01);
+  double before_n = 10.0 * known_to_n;
+  for (const double rate : {100.0, 18.0}) {
+    const double error_n = force_error_n(scene, {"remote_virtual_coupling", rate, 1000}, tools::reference_of(fine));
+    EXPECT_GT(error_n, before_n) << rate;
+    before_n = error_n;
+  }
+}
+#endif
 
 TEST(WorkPrecision, MeasuringTheCostChangesNothing) {
   const auto scene = tools::block_scene(options());

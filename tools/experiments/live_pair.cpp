@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <set>
 #include <utility>
@@ -24,8 +25,7 @@ namespace {
 
 constexpr std::uint64_t kPoll_ns = 20 * rtbus::kNsPerMs;
 constexpr double kStartPatience_s = 15.0;
-constexpr double kLagPatience_s = 60.0;  // for kSettle_s of simulated time on a machine that is busy with others
-constexpr double kSettle_s = 1.2;        // bodies that rest fall asleep after 0.5 s
+constexpr double kLagPatience_s = 60.0;  // to settle, in simulated time, on a machine that is busy with others
 
 /// One run, from start to end.
 class LiveRun {
@@ -38,18 +38,16 @@ class LiveRun {
 
   std::optional<LiveFigures> operator()(double duration_s) {
     std::optional<LiveFigures> figures;
-    if (start() && settle(kSettle_s) &&
+    if (start() && settle(variant_.settle_s) &&
         wait([&] { return simulated_long_enough(); }, kLagPatience_s, "simulate enough")) {
-      const auto before = cpu_s();
-      const auto published = counts();
-      const std::uint64_t began_ns = rtbus::monotonic_ns();
       if (proxies_) (void)proxies_->read_latest(proxy_);  // from here on
       steps_us_.clear();
-      if (settle(duration_s))
-        figures = measure(before, published, rtbus::seconds_between(began_ns, rtbus::monotonic_ns()));
+      const Instant begin = now();
+      if (settle(duration_s)) figures = measure(begin, now());
     }
     supervisor_.end_all();
     rtbus::remove_dead(plan_.session.name);
+    if (variant_.record) (void)::unlink(recording().c_str());
     return figures;
   }
 
@@ -68,8 +66,25 @@ class LiveRun {
     return wait([&] {
       bool all = !plays_physics() || runs("physics");
       for (const haptic::HapticConfig& haptic : plan_.haptic) all = all && runs(haptic.name);
-      return all && observe();
+      return all && observe() && record();
     });
+  }
+
+  [[nodiscard]] std::string recording() const {
+    return std::filesystem::temp_directory_path() / (plan_.session.name + ".h5");
+  }
+
+  /// Starts the recorder once there is something to record. It is the last to end, so that it loses nothing.
+  bool record() {
+    if (!variant_.record || recording_) return true;
+    const std::vector<std::string> arguments{"record", recording(), "--session", plan_.session.name, "--json"};
+    recording_ = supervisor_
+                     .start({.name = "recorder",
+                             .stage = Stage::kPlant,
+                             .program = folder_of_this_program() + "/rtbus",
+                             .arguments = arguments})
+                     .has_value();
+    return recording_;
   }
 
   [[nodiscard]] bool plays_physics() const { return plan_.physics && variant_.physics; }
@@ -100,10 +115,12 @@ class LiveRun {
       if (!opened) return false;
       telemetry_.emplace(std::move(*opened));
     }
-    if (variant_.observe_poses && !poses_) {
-      auto opened = rtbus::Reader<rtbus::BodyPoses>::open(plan_.session, "physics.body_poses", {.presence = true});
-      if (!opened) return false;
-      poses_.emplace(std::move(*opened));
+    if (variant_.observe_bodies && !poses_ && !nodes_) {
+      auto poses = rtbus::Reader<rtbus::BodyPoses>::open(plan_.session, "physics.body_poses", {.presence = true});
+      if (poses) poses_.emplace(std::move(*poses));
+      auto nodes = rtbus::Reader<rtbus::SoftNodes>::open(plan_.session, "physics.soft_nodes", {.presence = true});
+      if (nodes) nodes_.emplace(std::move(*nodes));
+      return poses_ || nodes_;
     }
     return true;
   }
@@ -139,7 +156,8 @@ class LiveRun {
     if (!plays_physics()) return true;
     auto steps = rtbus::Reader<rtbus::StepStats>::open(plan_.session, "physics.step_stats");
     rtbus::Stamped<rtbus::StepStats> stats;
-    return steps && steps->read_latest(stats) == rtbus::ReadStatus::kFresh && stats.value.simulated_s >= kSettle_s;
+    return steps && steps->read_latest(stats) == rtbus::ReadStatus::kFresh &&
+           stats.value.simulated_s >= variant_.settle_s;
   }
 
   bool settle(double seconds) {
@@ -150,42 +168,44 @@ class LiveRun {
     return true;
   }
 
-  double cpu_s() {
-    double sum_s = 0.0;
+  /// Counters, and when they stood so: on a machine that is busy every question takes its time.
+  struct Instant {
+    std::uint64_t counted_ns = 0, used_ns = 0;
+    std::vector<rtbus::TopicInfo> topics;
+    double cpu_s = 0.0;
+  };
+  Instant now() {
+    Instant out;
+    out.topics = rtbus::list_topics(plan_.session.name);
+    out.counted_ns = rtbus::monotonic_ns();
     for (const ChildView& child : supervisor_.running()) {
-      if (const auto usage = ask_process(child.pid)) sum_s += usage->cpu_s;
+      if (const auto usage = ask_process(child.pid)) out.cpu_s += usage->cpu_s;
     }
-    return sum_s;
-  }
-
-  std::map<std::string, std::uint64_t> counts() {
-    std::map<std::string, std::uint64_t> out;
-    for (const rtbus::TopicInfo& topic : rtbus::list_topics(plan_.session.name)) out[topic.topic] = topic.published;
+    out.used_ns = rtbus::monotonic_ns();
     return out;
   }
 
-  LiveFigures measure(double cpu_before_s, std::map<std::string, std::uint64_t> published, double span_s) {
+  LiveFigures measure(const Instant& begin, const Instant& end) {
     LiveFigures out;
     std::set<std::string> libraries;
     for (const ChildView& child : supervisor_.running()) {
       for (std::string& library : mapped_libraries(child.pid)) libraries.insert(std::move(library));
+      for (std::string& thread : thread_names(child.pid)) out.threads.push_back(std::move(thread));
       if (const auto usage = ask_process(child.pid)) {
         ++out.processes;
-        out.threads += usage->threads;
         out.rss_mib += static_cast<double>(usage->rss_bytes) / (1024.0 * 1024.0);
       }
     }
     out.libraries.assign(libraries.begin(), libraries.end());
-    out.cpu_s_per_s = (cpu_s() - cpu_before_s) / span_s;
-    const std::string& haptic = plan_.haptic.front().name;
-    for (const rtbus::TopicInfo& topic : rtbus::list_topics(plan_.session.name)) {
-      ++out.topics;
+    out.cpu_s_per_s = (end.cpu_s - begin.cpu_s) / rtbus::seconds_between(begin.used_ns, end.used_ns);
+    std::map<std::string, std::uint64_t> before;
+    for (const rtbus::TopicInfo& topic : begin.topics) before[topic.topic] = topic.published;
+    for (const rtbus::TopicInfo& topic : end.topics) {
       out.shm_bytes += topic.segment_bytes;
-      const double rate_hz = static_cast<double>(topic.published - published[topic.topic]) / span_s;
-      if (topic.topic == haptic + ".telemetry") out.telemetry_hz = rate_hz;
-      if (topic.topic == "physics.body_poses") out.body_poses_hz = rate_hz;
+      out.topics_hz[topic.topic] = static_cast<double>(topic.published - before[topic.topic]) /
+                                   rtbus::seconds_between(begin.counted_ns, end.counted_ns);
     }
-    auto loop = rtbus::Reader<rtbus::LoopStats>::open(plan_.session, haptic + ".loop_stats");
+    auto loop = rtbus::Reader<rtbus::LoopStats>::open(plan_.session, plan_.haptic.front().name + ".loop_stats");
     rtbus::Stamped<rtbus::LoopStats> ticks;
     if (loop && loop->read_latest(ticks) == rtbus::ReadStatus::kFresh) out.tick_ns = 1e3 * ticks.value.compute_p50_us;
     if (!steps_us_.empty()) {
@@ -203,6 +223,8 @@ class LiveRun {
   std::vector<double> steps_us_;  ///< Engine time of each step in the window.
   std::optional<rtbus::Reader<rtbus::Telemetry>> telemetry_;
   std::optional<rtbus::Reader<rtbus::BodyPoses>> poses_;
+  std::optional<rtbus::Reader<rtbus::SoftNodes>> nodes_;
+  bool recording_ = false;
   Supervisor supervisor_{[](const std::string&, std::string_view) {}};
 };
 
@@ -216,6 +238,10 @@ std::size_t LiveFigures::libraries_named(const std::string& part) const {
   return static_cast<std::size_t>(std::count_if(libraries.begin(), libraries.end(), [&](const std::string& library) {
     return lower(library.substr(library.rfind('/') + 1)).find(lower(part)) != std::string::npos;
   }));
+}
+
+std::size_t LiveFigures::threads_named(const std::string& name) const {
+  return static_cast<std::size_t>(std::count(threads.begin(), threads.end(), name));
 }
 
 std::optional<LiveFigures> run_live(const LiveVariant& variant, double duration_s) {

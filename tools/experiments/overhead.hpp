@@ -10,8 +10,11 @@ namespace tools {
 struct OverheadOptions {
   std::string wall_file;   ///< Session with the analytic engine.
   std::string stack_file;  ///< Session with bodies that move.
+  std::string soft_file;   ///< Session with soft bodies.
   int rounds = 5;          ///< Pairs per part; every second one in reverse order.
   double seconds = 3.0;    ///< Of each run.
+  bool usb = true;         ///< This build has the USB drivers …
+  bool recorder = true;    ///< … and `rtbus record`.
 };
 
 /// Runs pairs of real processes, and the harness for the bits; tables, checks and a figure go into `experiment`.

@@ -43,6 +43,9 @@ struct PrecisionScene {
   int axis = 1;                          ///< Along which device and force are looked at: 0 x, 1 y, 2 z.
   double from_s = 0.0;                   ///< Errors count from here …
   double until_s = 1.0;                  ///< … to here, the end of the run.
+  bool at_rest = true;                   ///< Nothing moves or gives way: methods without physics can render it.
+  std::vector<double> engine_hz = {100, 200, 500, 5000};  ///< Tried besides 1000, at 100 results per second.
+  std::vector<int> iterations = {};                       ///< Of the solver, likewise.
 };
 
 /// Position [m] and force [N] along the axis at a time [s].

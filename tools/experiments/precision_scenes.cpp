@@ -13,6 +13,11 @@ namespace {
 constexpr double kTouch_m = 0.020, kWay_m = 0.025, kSpeed_m_s = 0.05, kRamp_s = 0.1, kBegin_s = 0.5;
 constexpr double kWallStiffness = 500.0, kWallDamping = 1.0;
 constexpr double kDropStiffness = 200.0, kDropDamping = 0.02, kRelease_s = 0.5;
+constexpr double kSoftStiffness = 300.0;
+constexpr const char* kOneRabbit =
+    "scene.soft_bodies=[{name: middle, mesh: {rabbit: {nodes: 453, height_m: 0.07}}, position_m: [0, 0.001, 0], "
+    "orientation_wxyz: [0.7071, 0, 0.7071, 0], mass_kg: 0.1, pose_matching_hz: 20, bulk_modulus_pa: 5000, "
+    "damping_per_s: 4}]";
 constexpr double kHandStiffness = 300.0, kHandDamping = 3.0, kHandMass_kg = 0.08;
 
 std::string text(const char* format, double a, double b = 0.0, double c = 0.0, double d = 0.0, double e = 0.0) {
@@ -95,6 +100,24 @@ PrecisionScene block_scene(const WorkPrecisionOptions& options) {
   out.axis = 2;
   out.from_s = kBegin_s;
   out.until_s = 2.5;
+  out.at_rest = false;
+  out.iterations = {1, 4, 40};
+  return out;
+}
+
+PrecisionScene soft_scene(const WorkPrecisionOptions& options) {
+  std::vector<std::string> device{"haptic.0.device=devices/sim_phantom_desktop_push.yaml"};
+  // Down onto its back and 17 mm in, as in evaluate soft; the four others are not there.
+  append(device, push("[-0.01, 0.01, 0]", "[0, -1, 0]", 0.027, 0.05, kBegin_s));
+  PrecisionScene out = scene("soft", options.soft_file, device,
+                             {text("haptic.0.coupling.stiffness_n_per_m=%.17g", kSoftStiffness),
+                              text("haptic.0.coupling.damping_n_s_per_m=%.17g", kWallDamping)},
+                             options);
+  out.assignments.insert(out.assignments.begin(), kOneRabbit);
+  out.from_s = kBegin_s;
+  out.until_s = 2.0;
+  out.at_rest = false;
+  out.engine_hz = {500, 2000, 4000};
   return out;
 }
 

@@ -31,13 +31,12 @@ PrecisionRow measure(const PrecisionScene& scene, const PrecisionCell& cell, con
 /// Every method of the registry that this scene can have, at every rate of physics; then the loop's rate, the engine's
 /// step and the solver's iterations, one at a time.
 std::vector<PrecisionCell> cells_of(const PrecisionScene& scene, bool quick) {
-  const bool movable = scene.name == "block";
   const std::vector<double> rates =
       quick ? std::vector<double>{18, 100, 1000} : std::vector<double>{5, 18, 43, 100, 250, 500, 1000};
   std::vector<PrecisionCell> cells;
   for (const haptic::RendererEntry& method : haptic::registered_renderers()) {
     if (!method.needs_physics) {
-      if (movable) continue;
+      if (!scene.at_rest) continue;
       for (const double haptic_hz : {500.0, 1000.0, 2000.0, 4000.0, 10000.0}) {
         cells.push_back({std::string(method.name), 1000, haptic_hz});
       }
@@ -48,11 +47,11 @@ std::vector<PrecisionCell> cells_of(const PrecisionScene& scene, bool quick) {
     for (const double haptic_hz : {500.0, 2000.0, 4000.0, 10000.0}) {
       cells.push_back({std::string(method.name), 1000, haptic_hz});
     }
-    for (const double engine_hz : {100.0, 200.0, 500.0, 5000.0}) {
+    for (const double engine_hz : scene.engine_hz) {
       cells.push_back({std::string(method.name), 100, 1000, engine_hz});
     }
-    if (!movable) continue;
-    for (const int iterations : {1, 4, 40}) cells.push_back({std::string(method.name), 100, 1000, 1000, iterations});
+    for (const int iterations : scene.iterations)
+      cells.push_back({std::string(method.name), 100, 1000, 1000, iterations});
   }
   return cells;
 }
@@ -132,17 +131,66 @@ PrecisionTrace converged(const PrecisionScene& scene, Experiment& experiment, Ta
   return finest;
 }
 
+/// Soft bodies have no limit to tend to: their links are the stiffer the shorter the step is, so that the step belongs
+/// to the material, and the tool meets one node after the other. Steps stay at 1 ms; the loop without latency at the
+/// finest rate is the reference, and how far neighbours in rate are from each other is how well it is known.
+PrecisionTrace known_to(const PrecisionScene& base, Experiment& experiment, Table& table) {
+  PrecisionTrace finest;
+  double worst_n = 0.0;
+  for (const double rate : {1000.0, 2000.0, 4000.0, 8000.0}) {
+    PrecisionScene scene = base;
+    for (const std::string& text : fine_velocity(rate)) scene.assignments.push_back(text);
+    PrecisionTrace next = run_precisely(scene, {"remote_virtual_coupling", 1000, rate, 1000, 0, false});
+    if (!finest.time_s.empty()) {
+      const PrecisionError change = error_of(finest, scene, reference_of(next));
+      worst_n = std::max(worst_n, change.force_rms_n);
+      table.rows.push_back({base.name, std::string("reference, steps of 1 ms: change to the next rate"), rate / 2,
+                            change.force_rms_n, 1e3 * change.position_rms_m, std::string("-")});
+    }
+    finest = std::move(next);
+  }
+  experiment.check_at_most("work-precision.soft.reference", "soft: the finest loops are apart by, RMS", 1e3 * worst_n,
+                           "mN", 10.0);
+  experiment.note(
+      "soft: the length of a step is part of the material (config/README.md); engine rates other than 1000 Hz are off "
+      "by "
+      "that");
+  return finest;
+}
+
+/// Why a method cannot have a scene; empty when it can. What a method refuses is left out of the comparison, and said.
+std::string refusal(const PrecisionScene& scene, const haptic::RendererEntry& method) {
+  if (!method.needs_contacts) return {};
+  try {
+    std::vector<rtbus::config::Override> overrides;
+    for (const std::string& text : assignments_of(scene, {std::string(method.name)})) {
+      overrides.push_back(rtbus::config::parse_override(text));
+    }
+    auto session = rtbus::config::load_session(scene.session_file, overrides);
+    (void)haptic::read_haptic_config(session, 0);
+    return {};
+  } catch (const rtbus::config::Error& error) {
+    return error.what();
+  }
+}
+
 void compare(const PrecisionScene& scene, const Reference& reference, const WorkPrecisionOptions& options,
              Experiment& experiment, RunProgress& progress) {
   std::vector<PrecisionRow> rows;
-  const std::vector<PrecisionCell> cells = cells_of(scene, options.quick);
+  std::vector<PrecisionCell> cells = cells_of(scene, options.quick);
+  for (const haptic::RendererEntry& method : haptic::registered_renderers()) {
+    const std::string why = refusal(scene, method);
+    if (why.empty()) continue;
+    std::erase_if(cells, [&](const PrecisionCell& cell) { return cell.method == method.name; });
+    experiment.note(scene.name + " without " + std::string(method.name) + ": " + why);
+  }
   for (const PrecisionCell& cell : cells) {
     if (interrupted()) return;
     progress.show_share(static_cast<double>(rows.size()) / static_cast<double>(cells.size()), scene.name);
     rows.push_back(measure(scene, cell, reference));
   }
   experiment.add_table(table_of(scene, rows));
-  draw_precision(experiment, scene, rows);
+  draw_precision(experiment, scene.name, "physics answers one full period late", rows);
   double slowest_ns = 0.0;
   for (const PrecisionRow& row : rows) slowest_ns = std::max(slowest_ns, row.trace.cycle_ns);
   experiment.check_at_most("work-precision." + scene.name + ".cycle", scene.name + ": dearest haptic cycle, median",
@@ -185,6 +233,11 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
   }
   for (const PrecisionScene& scene : {sphere_scene(options), block_scene(options)}) {
     const PrecisionTrace finest = converged(scene, experiment, orders);
+    compare(scene, reference_of(finest), options, experiment, progress);
+  }
+  {
+    const PrecisionScene scene = soft_scene(options);
+    const PrecisionTrace finest = known_to(scene, experiment, orders);
     compare(scene, reference_of(finest), options, experiment, progress);
   }
   experiment.add_table(std::move(orders));

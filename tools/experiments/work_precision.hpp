@@ -11,8 +11,8 @@
 namespace tools {
 
 struct WorkPrecisionOptions {
-  std::string wall_file, sphere_file, block_file, stack_file;  ///< Session files.
-  std::vector<std::string> assignments;                        ///< After the experiment's own, so that they win.
+  std::string wall_file, sphere_file, block_file, stack_file, soft_file;  ///< Session files.
+  std::vector<std::string> assignments;  ///< After the experiment's own, so that they win.
   bool quick = false;
 };
 
@@ -23,8 +23,8 @@ struct PrecisionRow {
   PrecisionTrace trace;  ///< Without its samples.
 };
 
-/// Scenes whose reference is known: `wall` and `drop` in closed form, `sphere` and `block` as the converged loop.
-/// Adds tables, figures and checks. Throws rtbus::config::Error.
+/// Scenes whose reference is known: `wall` and `drop` in closed form, `sphere` and `block` as the converged loop,
+/// `soft` as the finest loop. Adds tables, figures and checks. Throws rtbus::config::Error.
 void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& experiment);
 
 /// The scenes, with their gains and hands.
@@ -32,13 +32,16 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
 [[nodiscard]] PrecisionScene drop_scene(const WorkPrecisionOptions& options);
 [[nodiscard]] PrecisionScene sphere_scene(const WorkPrecisionOptions& options);
 [[nodiscard]] PrecisionScene block_scene(const WorkPrecisionOptions& options);
+[[nodiscard]] PrecisionScene soft_scene(const WorkPrecisionOptions& options);
 
 /// The exact solutions of the first two.
 [[nodiscard]] Reference wall_reference(const PrecisionScene& scene);
 [[nodiscard]] Reference drop_reference(const PrecisionScene& scene);
 
 /// Writes NAME.tsv of a scene's rows and draws error over cost with the Pareto front into the experiment's folder.
-void draw_precision(Experiment& experiment, const PrecisionScene& scene, const std::vector<PrecisionRow>& rows);
+/// @param what Of the title, after the scene.
+void draw_precision(Experiment& experiment, const std::string& scene, const std::string& what,
+                    const std::vector<PrecisionRow>& rows);
 
 /// Indices of the rows that no other beats in both cost and error, by rising cost.
 [[nodiscard]] std::vector<std::size_t> pareto_front(const std::vector<PrecisionRow>& rows);

@@ -80,8 +80,9 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     : options_(options), now_ns_(kStart_ns), next_beat_ns_(kStart_ns) {
   bool needs_physics = false;
   for (std::size_t i = 0; i < session.haptic.size(); ++i) {
-    hands_.push_back(
-        std::make_unique<Hand>(haptic::read_haptic_config(session, i), session, kStart_ns, options.measure_cost));
+    haptic::HapticConfig settings = haptic::read_haptic_config(session, i);
+    settings.safety.passivity.control = settings.safety.passivity.control && options.passivity;
+    hands_.push_back(std::make_unique<Hand>(std::move(settings), session, kStart_ns, options.measure_cost));
     hands_.back()->link.lost_share = options.lost_share;
     hands_.back()->link.random = Random(options.link_seed + i);
     needs_physics = needs_physics || haptic::find_renderer(hands_.back()->config.method)->needs_physics;

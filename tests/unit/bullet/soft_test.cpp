@@ -1,5 +1,6 @@
 /// Soft bodies in the engine bullet: rest, touch, return, extremes, and what maps their library.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "physics_node/frame_publisher.hpp"
+#include "rtbus/clock.hpp"
 #include "rtbus/config/closed_surface.hpp"
 #include "tests/unit/bullet/scenes.hpp"
 
@@ -356,6 +359,36 @@ TEST(Soft, ItsLibraryIsMappedOnlyForASceneThatHasSome) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   EXPECT_EXIT(make_and_exit(stack_scene(1, 2, 1, 0.02, 0.0), false), testing::ExitedWithCode(0), "");
   EXPECT_EXIT(make_and_exit(soft_scene(1), true), testing::ExitedWithCode(0), "");
+}
+
+TEST(Soft, ItsNodesArePublishedInFramesWhileSomebodyLooks) {
+  const Scene scene = soft_scene(2);
+  physics::Stepper stepper(physics::make_world("bullet", scene), {}, 1);
+  const std::size_t nodes = stepper.world().soft_nodes();
+  ASSERT_GT(nodes, rtbus::SoftNodes::kNodes);  // a frame is two samples
+  rtbus::Session session;
+  session.name = "soft-nodes-" + std::to_string(::getpid());
+  auto publisher = physics::SoftNodePublisher::create(session, nodes);
+  ASSERT_TRUE(publisher.has_value());
+  (*publisher)->maintain();
+  (*publisher)->publish_if_due(stepper, rtbus::kNsPerS);  // nobody looks: this frame is none
+  auto reader = rtbus::Reader<rtbus::SoftNodes>::open(session, "physics.soft_nodes", {.presence = true});
+  ASSERT_TRUE(reader.has_value());
+  (*publisher)->maintain();
+  (*publisher)->publish_if_due(stepper, 2 * rtbus::kNsPerS);
+  rtbus::Stamped<rtbus::SoftNodes> sample;
+  std::size_t seen = 0;
+  while (reader->read_next(sample) == rtbus::ReadStatus::kFresh) {
+    EXPECT_EQ(sample.value.frame, 1U);
+    EXPECT_EQ(sample.value.nodes, nodes);
+    EXPECT_EQ(sample.value.first_node, seen);
+    for (std::uint32_t i = 0; i < rtbus::SoftNodes::kNodes; ++i) {
+      const Vector3d at = i < sample.value.count ? stepper.world().soft_node(seen + i) : Vector3d::Zero();
+      for (int axis = 0; axis < 3; ++axis) ASSERT_NEAR(1e-6 * sample.value.position_um[i][axis], at[axis], 0.6e-6);
+    }
+    seen += sample.value.count;
+  }
+  EXPECT_EQ(seen, nodes);
 }
 
 TEST(Soft, TheAnalyticEngineRefusesIt) {

@@ -4,6 +4,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
+#include <thread>
+
+#include "rtbus/realtime.hpp"
+
 namespace {
 
 using testing::Contains;
@@ -60,6 +66,22 @@ TEST(AskProcess, SeesThisProcessAndNoImaginaryOne) {
   EXPECT_GT(self->rss_bytes, 100'000u);
   EXPECT_GE(self->threads, 1u);
   EXPECT_FALSE(tools::ask_process(-1).has_value());
+}
+
+TEST(ThreadNames, NamesEachThreadOfAProcess) {
+  std::atomic<bool> named{false}, end{false};
+  std::thread thread([&] {
+    rtbus::name_this_thread("asked_for");
+    named = true;
+    while (!end) std::this_thread::yield();
+  });
+  while (!named) std::this_thread::yield();
+  const std::vector<std::string> names = tools::thread_names(::getpid());
+  end = true;
+  thread.join();
+  EXPECT_EQ(names.size(), 2U);
+  EXPECT_EQ(std::count(names.begin(), names.end(), "asked_for"), 1);
+  EXPECT_TRUE(tools::thread_names(1 << 30).empty());
 }
 
 TEST(MappedLibraries, SeesTheCLibraryOfThisProcess) {

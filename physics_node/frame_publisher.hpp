@@ -1,7 +1,9 @@
 #pragma once
-/// @file pose_publisher.hpp
-/// `physics.body_poses`: where the bodies are, for whoever draws them. Nothing is copied while nobody looks.
+/// @file frame_publisher.hpp
+/// `physics.body_poses` and `physics.soft_nodes`: where the bodies and the nodes of soft ones are, for whoever draws
+/// them. Nothing is copied while nobody looks.
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 
@@ -13,14 +15,17 @@
 
 namespace physics {
 
-/// Owns the topic. Reads the world and never changes it: forces are bit-identical with and without an observer.
-class PosePublisher {
+/// Owns a topic whose samples together are a frame: a picture of the world. Reads the world and never changes it:
+/// forces are bit-identical with and without an observer.
+/// @tparam Sample rtbus::BodyPoses or rtbus::SoftNodes.
+template <class Sample>
+class FramePublisher {
  public:
   static constexpr std::uint64_t kPeriod_ns = 1'000'000'000 / 30;
 
-  /// @param bodies Of the scene, static ones included. The ring holds at least four frames.
-  [[nodiscard]] static rtbus::Result<std::unique_ptr<PosePublisher>, rtbus::TopicError> create(
-      const rtbus::Session& session, std::size_t bodies);
+  /// @param items In a frame: bodies of the scene, static ones included, or nodes. The ring holds at least four frames.
+  [[nodiscard]] static rtbus::Result<std::unique_ptr<FramePublisher>, rtbus::TopicError> create(
+      const rtbus::Session& session, std::size_t items);
 
   /// Makes the topic anew when it was deleted, and asks the kernel whether somebody looks. For the thread that beats.
   void maintain() noexcept {
@@ -34,12 +39,15 @@ class PosePublisher {
   void publish_if_due(const Stepper& stepper, std::uint64_t now_ns) noexcept;
 
  private:
-  explicit PosePublisher(rtbus::Publication<rtbus::BodyPoses> writer) : writer_(std::move(writer)) {}
+  explicit FramePublisher(rtbus::Publication<Sample> writer) : writer_(std::move(writer)) {}
 
-  rtbus::Publication<rtbus::BodyPoses> writer_;
+  rtbus::Publication<Sample> writer_;
   std::atomic<bool> observed_{false};
   std::uint64_t due_ns_ = 0;
   std::uint64_t frames_ = 0;
 };
+
+using PosePublisher = FramePublisher<rtbus::BodyPoses>;
+using SoftNodePublisher = FramePublisher<rtbus::SoftNodes>;
 
 }  // namespace physics

@@ -1,4 +1,4 @@
-#include "physics_node/pose_publisher.hpp"
+#include "physics_node/frame_publisher.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
