@@ -67,13 +67,25 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   contact.mass_torsion = contact.torsion_radius_m > 0.0 && about_normal > 0.0 ? 1.0 / about_normal : 0.0;
 }
 
+/// Below this impulse what gives way would come faster than it may.
+double advance_impulse(const SolverContact& contact) noexcept {
+  const double over_m_s = contact.normal.dot(contact.surface_velocity_m_s) - contact.advance_m_s;
+  return over_m_s > 0.0 && contact.softness_per_kg > 0.0 ? contact.expected_n_s + over_m_s / contact.softness_per_kg
+                                                         : 0.0;
+}
+
 /// One contact in turn. @returns how much the velocities there have changed.
 double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   if (contact.inverse_mass_normal <= 0.0) return 0.0;
   const double soft = contact.softness_per_kg;
   const double normal_velocity = contact.normal.dot(slip(bodies, contact)) + contact.closing_m_s +
                                  soft * (contact.normal_n_s - contact.expected_n_s);
-  const double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal + soft));
+  double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal + soft));
+  if (const double least = advance_impulse(contact); normal < least) {
+    const double held_m_s = normal_velocity - soft * (contact.normal_n_s - contact.expected_n_s) +
+                            contact.normal.dot(contact.surface_velocity_m_s) - contact.advance_m_s;
+    normal = std::clamp(contact.normal_n_s - held_m_s / contact.inverse_mass_normal, 0.0, least);
+  }
   const double step = normal - contact.normal_n_s;
   double change = std::abs(step) * contact.inverse_mass_normal;
   if (step != 0.0) {
