@@ -12,6 +12,7 @@ using Eigen::Vector3d;
 
 /// What an impulse at `r` does to the velocity there.
 Matrix3d inverse_mass_at(const SolverBody& body, const Vector3d& r) noexcept {
+  if (body.inverse_inertia_per_kg_m2.isZero(0.0)) return body.inverse_mass_per_kg * Matrix3d::Identity();
   Matrix3d cross;
   cross << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
   return body.inverse_mass_per_kg * Matrix3d::Identity() - cross * body.inverse_inertia_per_kg_m2 * cross;
@@ -45,12 +46,10 @@ Vector3d slip(const SolverBody* bodies, const SolverContact& contact) noexcept {
 
 void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   Matrix3d W = inverse_mass_at(bodies[contact.a], contact.from_a_m);
-  double about_normal = contact.normal.dot(bodies[contact.a].inverse_inertia_per_kg_m2 * contact.normal);
-  if (contact.b >= 0) {
-    W += inverse_mass_at(bodies[contact.b], contact.from_b_m);
-    about_normal += contact.normal.dot(bodies[contact.b].inverse_inertia_per_kg_m2 * contact.normal);
-  }
+  if (contact.b >= 0) W += inverse_mass_at(bodies[contact.b], contact.from_b_m);
   contact.inverse_mass_normal = contact.normal.dot(W * contact.normal);
+  contact.mass_torsion = 0.0;
+  if (contact.friction <= 0.0) return;
   contact.tangent[0] = contact.normal.unitOrthogonal();
   contact.tangent[1] = contact.normal.cross(contact.tangent[0]);
   const Vector3d along = W * contact.tangent[0];
@@ -64,7 +63,10 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   } else {
     contact.mass_tangent.setZero();
   }
-  contact.mass_torsion = contact.torsion_radius_m > 0.0 && about_normal > 0.0 ? 1.0 / about_normal : 0.0;
+  if (contact.torsion_radius_m <= 0.0) return;
+  double about_normal = contact.normal.dot(bodies[contact.a].inverse_inertia_per_kg_m2 * contact.normal);
+  if (contact.b >= 0) about_normal += contact.normal.dot(bodies[contact.b].inverse_inertia_per_kg_m2 * contact.normal);
+  contact.mass_torsion = about_normal > 0.0 ? 1.0 / about_normal : 0.0;
 }
 
 /// Below this impulse what gives way would come faster than it may.
@@ -94,6 +96,7 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
     contact.normal_n_s = normal;
   }
 
+  if (contact.friction <= 0.0) return change;
   const double cone = contact.friction * (normal + contact.held_n_s);
   const Vector3d tangential = contact.impulse_n_s - contact.normal_n_s * contact.normal;
   if (cone <= 0.0 && tangential.isZero(0.0) && contact.torsion_n_m_s == 0.0) return change;
@@ -128,6 +131,10 @@ int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
     prepare(bodies, contact);
     // The normal may have turned since the last step.
     contact.normal_n_s = std::max(0.0, contact.normal.dot(contact.impulse_n_s));
+    if (contact.friction <= 0.0) {
+      contact.impulse_n_s = contact.normal_n_s * contact.normal;
+      contact.torsion_n_m_s = 0.0;
+    }
     push(bodies, contact, contact.impulse_n_s);
     spin(bodies, contact, contact.torsion_n_m_s);
   }

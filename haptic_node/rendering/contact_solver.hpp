@@ -54,7 +54,7 @@ struct SolverContact {
 /// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
 /// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than kTolerance_m_s.
 /// @returns the sweeps made. @realtime Yes.
-inline constexpr double kTolerance_m_s = 1e-8;
+inline constexpr double kTolerance_m_s = 1e-6;
 int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
                    int max_sweeps) noexcept RTBUS_NONBLOCKING;
 
