@@ -83,21 +83,28 @@ Calm push(const PrecisionPileOptions& options, const std::string& file, double s
   return out;
 }
 
-bool equal(const Calm& calm, double mean_n) {
-  return std::abs(mean_interval(calm.mean).mean - mean_n) <= kEqualMean * mean_n;
+double apart_n(const Calm& calm, const Calm& other) {
+  return std::abs(mean_interval(calm.mean).mean - mean_interval(other.mean).mean);
 }
 
-/// With the hand that gives it the mean force `mean_n`, by halving between the softest and the firm one.
-Calm at_equal_mean(double mean_n, const auto& push_with) {
-  Calm out = push_with(kFirmHand);
+/// Within 10 %, or as equal as so few starts can tell.
+bool equal(const Calm& calm, const Calm& truth) {
+  const MeanInterval a = mean_interval(calm.mean), b = mean_interval(truth.mean);
+  return apart_n(calm, truth) <= std::max(kEqualMean * b.mean, std::hypot(a.half_width, b.half_width));
+}
+
+/// With the hand that comes nearest to the mean force of the truth: the firm one, or one found by halving.
+Calm at_equal_mean(const Calm& truth, const auto& push_with) {
+  Calm best = push_with(kFirmHand);
+  const double mean_n = mean_interval(truth.mean).mean;
+  if (mean_interval(best.mean).mean <= mean_n) return best;  // no hand is firmer
   double soft = kSoftestHand, firm = kFirmHand;
-  for (int i = 1; i < kHands && !equal(out, mean_n) && mean_interval(out.mean).mean > mean_n; ++i) {
-    if (interrupted()) break;
-    out = push_with(i == 1 ? soft : std::sqrt(soft * firm));
-    if (i == 1 && mean_interval(out.mean).mean > mean_n) break;  // the softest still presses too hard
-    if (i > 1) (mean_interval(out.mean).mean > mean_n ? firm : soft) = out.hand_n_per_m;
+  for (int i = 1; i < kHands && !equal(best, truth) && !interrupted(); ++i) {
+    const Calm next = push_with(std::sqrt(soft * firm));
+    (mean_interval(next.mean).mean > mean_n ? firm : soft) = next.hand_n_per_m;
+    if (apart_n(next, truth) < apart_n(best, truth)) best = next;
   }
-  return out;
+  return best;
 }
 
 Cell interval_text(const std::vector<double>& values, double scale) {
@@ -140,14 +147,13 @@ void evaluate_precision_pile(const PrecisionPileOptions& options, Experiment& ex
       const Calm truth = push(options, file, stiffness, kTruth, kFirmHand, starts, progress, done++ / all);
       if (interrupted()) return;
       add_row(table, pile, stiffness, kTruth, truth, true);
-      const double mean_n = mean_interval(truth.mean).mean;
       for (const Row& row : kMethods) {
         const double share = done++ / all;
-        const Calm calm = at_equal_mean(mean_n, [&](double hand_n_per_m) {
+        const Calm calm = at_equal_mean(truth, [&](double hand_n_per_m) {
           return push(options, file, stiffness, row, hand_n_per_m, starts, progress, share);
         });
         if (interrupted()) return;
-        add_row(table, pile, stiffness, row, calm, equal(calm, mean_n));
+        add_row(table, pile, stiffness, row, calm, equal(calm, truth));
         if (&row != &kMethods[0]) continue;
         const std::string id = "work-precision." + pile + "." + text("%g", stiffness);
         const std::string what = pile + ", " + text("%g", stiffness) + " N/m, local_contact at 18 Hz over the truth: ";

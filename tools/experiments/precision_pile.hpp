@@ -17,9 +17,9 @@ struct PrecisionPileOptions {
 };
 
 /// One table, from slightly different starts, with 95 % confidence intervals; the device without quanta, whose encoder
-/// is rougher than any of it. The hand of a method pushes the softer or firmer until its mean force is that of the
-/// full rate within 10 %, where a hand can do that. Checks that local_contact at 18 Hz is no rougher than the truth.
-/// Throws rtbus::config::Error.
+/// is rougher than any of it. The hand of a method that presses harder than the full rate is made softer until the mean
+/// forces agree within 10 % or their intervals, where that can be. Checks that local_contact at 18 Hz is no rougher
+/// than the truth. Throws rtbus::config::Error.
 void evaluate_precision_pile(const PrecisionPileOptions& options, Experiment& experiment, RunProgress& progress);
 
 }  // namespace tools
