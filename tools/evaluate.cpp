@@ -90,6 +90,7 @@ void run_work_precision(const EvaluateOptions& options, Experiment& experiment) 
   precision.block_file = find_config("free_block.yaml");
   precision.stack_file = find_config("stack_125.yaml");
   precision.soft_file = find_config("soft.yaml");
+  precision.pile_files = {precision.stack_file, find_config("stack_500.yaml")};
   precision.assignments = options.assignments;
   precision.quick = options.quick;
   evaluate_work_precision(precision, experiment);

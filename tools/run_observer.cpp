@@ -60,7 +60,7 @@ void HapticObserver::take(const rtbus::Telemetry& tick) {
   generated_peak_j_ = std::max(generated_peak_j_, -tick.energy_absorbed_j);
   ledger_min_j_ = observed_ticks_ == 1 ? tick.energy_ledger_j : std::min(ledger_min_j_, tick.energy_ledger_j);
   if (error_) error_->add_tick(tick);
-  impulse_.add_felt(tick.due_ns, vector_of(tick.force_n), static_cast<double>(config_.period_ns()) * 1e-9);
+  impulse_.add_felt(tick.due_ns, vector_of(tick.force_n));
   motion_.add({rtbus::seconds_between(first_due_ns_, tick.due_ns), tick.position_m, tick.proxy_position_m, tick.force_n,
                tick.rendered_force_n, static_cast<double>(tick.proxy_age_ns) * 1e-6});
 }
@@ -70,7 +70,12 @@ void HapticObserver::take(const rtbus::ProxyState& proxy) {
   coupling_n_.add(norm(proxy.coupling_force_n));
   contact_n_.add(norm(proxy.contact_force_n));
   if (error_) error_->add_proxy(proxy);
-  impulse_.add_given(proxy.device_time_ns, mapping_.force_to_device(vector_of(proxy.contact_force_n)), proxy.step_s);
+  // A step gives what happened from the sample that the step before it answered to its own.
+  if (answered_ns_ != 0) {
+    impulse_.add_given(answered_ns_, proxy.device_time_ns,
+                       proxy.step_s * mapping_.force_to_device(vector_of(proxy.contact_force_n)));
+  }
+  answered_ns_ = proxy.device_time_ns;
 }
 
 void HapticObserver::drain() {

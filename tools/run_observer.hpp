@@ -92,6 +92,7 @@ class HapticObserver {
   RmsPeak coupling_n_, contact_n_;
   haptic::Mapping mapping_;  ///< Of forces: rotation and scale, which nothing shifts.
   ImpulseBalance impulse_;
+  std::uint64_t answered_ns_ = 0;  ///< The device sample of the last step.
   Trace<MotionRow> motion_;
   Trace<StepRow> steps_;
   std::unique_ptr<rtbus::Histogram> wakeup_ns_ = std::make_unique<rtbus::Histogram>();

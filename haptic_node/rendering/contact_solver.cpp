@@ -12,6 +12,7 @@ using Eigen::Vector3d;
 
 /// What an impulse at `r` does to the velocity there.
 Matrix3d inverse_mass_at(const SolverBody& body, const Vector3d& r) noexcept {
+  if (body.inverse_inertia_per_kg_m2.isZero(0.0)) return body.inverse_mass_per_kg * Matrix3d::Identity();
   Matrix3d cross;
   cross << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
   return body.inverse_mass_per_kg * Matrix3d::Identity() - cross * body.inverse_inertia_per_kg_m2 * cross;
@@ -45,12 +46,10 @@ Vector3d slip(const SolverBody* bodies, const SolverContact& contact) noexcept {
 
 void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   Matrix3d W = inverse_mass_at(bodies[contact.a], contact.from_a_m);
-  double about_normal = contact.normal.dot(bodies[contact.a].inverse_inertia_per_kg_m2 * contact.normal);
-  if (contact.b >= 0) {
-    W += inverse_mass_at(bodies[contact.b], contact.from_b_m);
-    about_normal += contact.normal.dot(bodies[contact.b].inverse_inertia_per_kg_m2 * contact.normal);
-  }
+  if (contact.b >= 0) W += inverse_mass_at(bodies[contact.b], contact.from_b_m);
   contact.inverse_mass_normal = contact.normal.dot(W * contact.normal);
+  contact.mass_torsion = 0.0;
+  if (contact.friction <= 0.0) return;
   contact.tangent[0] = contact.normal.unitOrthogonal();
   contact.tangent[1] = contact.normal.cross(contact.tangent[0]);
   const Vector3d along = W * contact.tangent[0];
@@ -64,7 +63,17 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   } else {
     contact.mass_tangent.setZero();
   }
-  contact.mass_torsion = contact.torsion_radius_m > 0.0 && about_normal > 0.0 ? 1.0 / about_normal : 0.0;
+  if (contact.torsion_radius_m <= 0.0) return;
+  double about_normal = contact.normal.dot(bodies[contact.a].inverse_inertia_per_kg_m2 * contact.normal);
+  if (contact.b >= 0) about_normal += contact.normal.dot(bodies[contact.b].inverse_inertia_per_kg_m2 * contact.normal);
+  contact.mass_torsion = about_normal > 0.0 ? 1.0 / about_normal : 0.0;
+}
+
+/// Below this impulse what gives way would come faster than it may.
+double advance_impulse(const SolverContact& contact) noexcept {
+  const double over_m_s = contact.normal.dot(contact.surface_velocity_m_s) - contact.advance_m_s;
+  return over_m_s > 0.0 && contact.softness_per_kg > 0.0 ? contact.expected_n_s + over_m_s / contact.softness_per_kg
+                                                         : 0.0;
 }
 
 /// One contact in turn. @returns how much the velocities there have changed.
@@ -73,7 +82,12 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const double soft = contact.softness_per_kg;
   const double normal_velocity = contact.normal.dot(slip(bodies, contact)) + contact.closing_m_s +
                                  soft * (contact.normal_n_s - contact.expected_n_s);
-  const double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal + soft));
+  double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal + soft));
+  if (const double least = advance_impulse(contact); normal < least) {
+    const double held_m_s = normal_velocity - soft * (contact.normal_n_s - contact.expected_n_s) +
+                            contact.normal.dot(contact.surface_velocity_m_s) - contact.advance_m_s;
+    normal = std::clamp(contact.normal_n_s - held_m_s / contact.inverse_mass_normal, 0.0, least);
+  }
   const double step = normal - contact.normal_n_s;
   double change = std::abs(step) * contact.inverse_mass_normal;
   if (step != 0.0) {
@@ -82,6 +96,7 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
     contact.normal_n_s = normal;
   }
 
+  if (contact.friction <= 0.0) return change;
   const double cone = contact.friction * (normal + contact.held_n_s);
   const Vector3d tangential = contact.impulse_n_s - contact.normal_n_s * contact.normal;
   if (cone <= 0.0 && tangential.isZero(0.0) && contact.torsion_n_m_s == 0.0) return change;
@@ -116,6 +131,10 @@ int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
     prepare(bodies, contact);
     // The normal may have turned since the last step.
     contact.normal_n_s = std::max(0.0, contact.normal.dot(contact.impulse_n_s));
+    if (contact.friction <= 0.0) {
+      contact.impulse_n_s = contact.normal_n_s * contact.normal;
+      contact.torsion_n_m_s = 0.0;
+    }
     push(bodies, contact, contact.impulse_n_s);
     spin(bodies, contact, contact.torsion_n_m_s);
   }

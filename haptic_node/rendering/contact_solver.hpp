@@ -3,6 +3,7 @@
 /// A small contact problem in velocities: a few bodies, a few contacts with friction, solved in bounded time.
 #include <array>
 #include <cstddef>
+#include <limits>
 
 #include <Eigen/Core>
 
@@ -33,6 +34,8 @@ struct SolverContact {
   /// Gives way along the normal by `softness_per_kg` times what the impulse is more than `expected_n_s`.
   double softness_per_kg = 0.0;
   double expected_n_s = 0.0;
+  /// However little pushes against it, what gives way does not come along the normal faster than this.
+  double advance_m_s = std::numeric_limits<double>::infinity();
   double torsion_radius_m = 0.0;  ///< A patch of this radius also resists spin about the normal; 0: a point.
 
   Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On `a`. In: the last step's; out: the solution.
@@ -51,7 +54,7 @@ struct SolverContact {
 /// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
 /// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than kTolerance_m_s.
 /// @returns the sweeps made. @realtime Yes.
-inline constexpr double kTolerance_m_s = 1e-8;
+inline constexpr double kTolerance_m_s = 1e-6;
 int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
                    int max_sweeps) noexcept RTBUS_NONBLOCKING;
 

@@ -67,6 +67,12 @@ void LocalContact::felt(const Vector3d& force_n) noexcept {
   ++ticks_;
   if (step_s_ <= 0.0) return;
   const auto pushes = world_.pushes();
+  if (pushes.empty() && last_row_ < given_.size() && !force_n.isZero(0.0)) {
+    // What the ladder still gives away when the contact is over comes from who was touched last.
+    const Vector3d impulse = -mapping_.force_to_world(force_n) * step_s_;
+    given_[last_row_].impulse_n_s += impulse;
+    given_[last_row_].angular_n_m_s += last_arm_m_.cross(impulse);
+  }
   double sum = 0.0;
   for (const auto& push : pushes) sum += push.impulse_n_s.norm();
   // What the ladder has taken from the force, or added to it, the bodies share as they shared the force.
@@ -77,6 +83,8 @@ void LocalContact::felt(const Vector3d& force_n) noexcept {
     row.last_tick = ticks_;
     row.impulse_n_s += impulse;
     row.angular_n_m_s += push.from_centre_m.cross(impulse);
+    last_row_ = static_cast<std::size_t>(&row - given_.data());
+    last_arm_m_ = push.from_centre_m;
   }
   for (Given& row : given_) row.travel_n_s2 += step_s_ * row.impulse_n_s;
 }

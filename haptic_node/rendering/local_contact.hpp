@@ -50,6 +50,8 @@ class LocalContact final : public Renderer {
   std::uint64_t ticks_ = 0;
   std::uint32_t turns_ = 0;
   std::array<Given, rtbus::kTouchedRows> given_{};
+  std::size_t last_row_ = rtbus::kTouchedRows;  ///< Of the body that was touched last, and where.
+  Eigen::Vector3d last_arm_m_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace haptic

@@ -18,6 +18,8 @@ constexpr double kSameContact = 0.5;
 constexpr std::uint32_t kPatchPoints = 3;
 /// Friction of a patch resists spin with its bound at this many radii of gyration: four corners of a square.
 constexpr double kPatchRadius = 1.7;
+/// A push that lasts makes a heap as much faster as the lightest neighbour of the body would get in this time.
+constexpr double kHeapMobility_s = 0.2e-3;
 /// An answer is good for its period, which has one more to go until the next must be here, and a little more.
 constexpr double kGoodFor = 1.5;
 constexpr double kGoodBesides_s = 3e-3;
@@ -29,11 +31,13 @@ Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   return out;
 }
 
-bool jammed_row(const rtbus::ProxyContacts& answer, std::size_t row) noexcept {
+/// The largest inverse mass of what holds the body; 0: all that holds it stands.
+double loosest_support(const rtbus::ProxyContacts& answer, std::size_t row) noexcept {
+  double out = 0.0;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, rtbus::kSupportSlots); ++i) {
-    if (answer.support_body[i] == row && answer.support_inverse_mass_per_kg[i] > 0.0) return true;
+    if (answer.support_body[i] == row) out = std::max(out, answer.support_inverse_mass_per_kg[i]);
   }
-  return false;
+  return out;
 }
 
 double seconds_from(std::uint64_t from_ns, std::uint64_t to_ns) noexcept {
@@ -46,6 +50,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   good_until_ns_ = now_ns + static_cast<std::uint64_t>((kGoodFor * answer.step_s + kGoodBesides_s) * 1e9);
   instant_apart_ns_ = static_cast<std::uint64_t>(kPastSteps * answer.step_s * 1e9 / kInstants);
   blend_s_ = std::max(kBlend_s, kBlendSteps * answer.step_s);
+  heap_blend_s_ = std::max(kBlend_s, kHeapBlendSteps * answer.step_s);
   proxy_radius_m_ = answer.proxy_radius_m;
   // The gaps as felt, before anything is moved.
   for (std::size_t i = 0; i < contact_count_; ++i) contacts_[i].gap_m = gap_of(contacts_[i]) + contacts_[i].offset_m;
@@ -111,6 +116,7 @@ bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_
       rtbus::seconds_between(before.time_ns, time_ns) / rtbus::seconds_between(before.time_ns, after.time_ns);
   out.centre_m += share * (next.centre_m - past.centre_m);
   out.velocity_m_s += share * (next.velocity_m_s - past.velocity_m_s);
+  out.given_n_s += share * (next.given_n_s - past.given_n_s);
   out.angular_velocity_rad_s += share * (next.angular_velocity_rad_s - past.angular_velocity_rad_s);
   out.turned = past.turned.slerp(share, next.turned);
   return true;
@@ -124,17 +130,11 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     const std::size_t slot = slot_of(answer.body_index[row]);
     Body& body = bodies_[slot];
     const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
-    Vector3d velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
-    const bool jammed = jammed_row(answer, row);
-    if (jammed && body.used && body.told_ns != 0 && answer.device_time_ns > body.told_ns) {
-      // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is
-      // not.
-      velocity_m_s = (centre_m - body.told_centre_m) / rtbus::seconds_between(body.told_ns, answer.device_time_ns);
-    }
-    Vector3d rate_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
-    if (jammed) rate_rad_s.setZero();
+    const Vector3d velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
+    const Vector3d rate_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
     Past then;
     const bool known = body.used && past_of(body, slot, answer.device_time_ns, then);
+    const bool jammed = take_heap(answer, row, body, known ? &then : nullptr, age_s);
     // The instant was remembered before the last answers put it right.
     for (const Correction& made : body.corrections) {
       if (made.made_ns <= answer.device_time_ns) continue;
@@ -143,23 +143,24 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
       then.angular_velocity_rad_s += made.rate_rad_s;
     }
     Quaterniond turned = Quaterniond::Identity();
-    if (known) {
-      turned = (body.turned * then.turned.conjugate()).normalized();
+    if (known) turned = (body.turned * then.turned.conjugate()).normalized();
+    if (known && !jammed) {
       const Vector3d faster_m_s = velocity_m_s - then.velocity_m_s;
-      body.centre_m += centre_m - then.centre_m;
-      if (!jammed) body.centre_m += age_s * faster_m_s;
-      body.motion.velocity_m_s = jammed ? velocity_m_s : Vector3d(body.motion.velocity_m_s + faster_m_s);
+      body.centre_m += centre_m - then.centre_m + age_s * faster_m_s;
+      body.motion.velocity_m_s += faster_m_s;
       body.motion.angular_velocity_rad_s += rate_rad_s - then.angular_velocity_rad_s;
-      body.corrections[body.next_correction++ % kCorrections] = {
-          now_ns, answer.device_time_ns, centre_m - then.centre_m, jammed ? Vector3d::Zero() : faster_m_s,
-          rate_rad_s - then.angular_velocity_rad_s};
-    } else {
+      body.corrections[body.next_correction++ % kCorrections] = {now_ns, answer.device_time_ns,
+                                                                 centre_m - then.centre_m, faster_m_s,
+                                                                 rate_rad_s - then.angular_velocity_rad_s};
+    } else if (!known) {
       // New, or so new that the answer is to a sample from before it.
       const std::uint64_t since_ns = body.used ? body.since_ns : now_ns;
+      const LocalHeap heap = body.heap;
       body = Body{};
+      body.heap = heap;
       body.index = answer.body_index[row];
       body.since_ns = since_ns;
-      body.centre_m = centre_m + age_s * velocity_m_s;
+      body.centre_m = centre_m + age_s * (jammed ? heap.speed_m_s() : velocity_m_s);
       body.motion.velocity_m_s = velocity_m_s;
       body.motion.angular_velocity_rad_s = rate_rad_s;
     }
@@ -167,6 +168,7 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     body.jammed = jammed;
     body.told_ns = answer.device_time_ns;
     body.told_centre_m = centre_m;
+    body.told_given_n_s = known ? then.given_n_s : Vector3d(Vector3d::Zero());
     body.moves = answer.body_kind[row] != 0;
     const Matrix3d R = turned.toRotationMatrix();
     body.motion.inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
@@ -179,6 +181,30 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
   }
 }
 
+/// @returns whether other bodies that can move hold this one: a heap. Then where it is now follows from where it was
+/// told to be, not from what it had been predicted to be: no error of a prediction outlives its answer.
+bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body, const Past* then,
+                           double age_s) noexcept {
+  const double loosest = loosest_support(answer, row);
+  if (loosest <= 0.0) return false;
+  const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
+  const Vector3d given_n_s = then != nullptr ? then->given_n_s : Vector3d(Vector3d::Zero());
+  LocalHeap& heap = body.heap;
+  heap.set_mobility(kHeapMobility_s * loosest);
+  if (body.used && body.told_ns != 0 && answer.device_time_ns > body.told_ns) {
+    // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
+    const double apart_s = rtbus::seconds_between(body.told_ns, answer.device_time_ns);
+    heap.learn((given_n_s - body.told_given_n_s) / apart_s, (centre_m - body.told_centre_m) / apart_s,
+               hand_m_s_.norm());
+  } else if (!body.used) {
+    heap.forget();
+  }
+  if (then == nullptr) return true;
+  body.centre_m = centre_m + heap.way_m(body.given_n_s - given_n_s, age_s);
+  body.corrections = {};
+  return true;
+}
+
 /// Supports push back only as far as they are pushed against: their forces of then are taken out of the body's force.
 void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
   auto& old = old_supports_;
@@ -187,7 +213,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
   support_count_ = 0;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, kSupports); ++i) {
     const std::size_t row = answer.support_body[i];
-    if (row >= kBodies || row >= answer.bodies) continue;
+    if (row >= kBodies || row >= answer.bodies || bodies_[slot_of_row_[row]].jammed) continue;
     Support& support = supports_[support_count_++];
     support = Support{};
     support.body = slot_of_row_[row];
@@ -198,13 +224,8 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
     // What touches moves as one along the normal; a solver leaves a remainder.
     support.velocity_m_s = vector_of(answer.support_velocity_m_s[i]);
     const Vector3d own_m_s = body.motion.velocity_m_s + body.motion.angular_velocity_rad_s.cross(support.from_centre_m);
-    if (body.jammed) {
-      support.velocity_m_s = own_m_s;
-    } else {
-      support.velocity_m_s += support.normal * support.normal.dot(own_m_s - support.velocity_m_s);
-    }
+    support.velocity_m_s += support.normal * support.normal.dot(own_m_s - support.velocity_m_s);
     support.force_n = answer.support_force_n[i];
-    support.inverse_mass_per_kg = answer.support_inverse_mass_per_kg[i];
     support.friction = answer.support_friction[i];
     if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: hold_by_supports()
     body.force_n -= answer.support_force_n[i] * support.normal;
@@ -229,7 +250,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
       body.motion.inverse_mass_per_kg = 0.0;
       body.force_n.setZero();
     }
-    if (body.motion.inverse_mass_per_kg <= 0.0) continue;
+    if (body.jammed || body.motion.inverse_mass_per_kg <= 0.0) continue;
     if (body.supported) {
       hold_by_supports(slot);
     } else if (body.friction_bound_n > 0.0 && support_count_ < kSupports) {

@@ -14,10 +14,6 @@ using Eigen::Vector3d;
 
 /// Contacts that the proxy cannot reach in a step are left out of it, with this to spare.
 constexpr double kReach_m = 0.2e-3;
-/// A support that can move gives way to a push that differs from what it has held: by the speed that its own mass gains
-/// in this time. Whatever way a heap really gives way, and however late that is told, a model that gives way at least
-/// half as easily does not swing with the delay.
-constexpr double kSupportMobility_s = 0.5e-3;
 /// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
 constexpr double kSupportSoftness = 0.02;
 
@@ -35,6 +31,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   impulse_n_s_.setZero();
   for (Body& body : bodies_) body.used = false;
   contact_count_ = support_count_ = push_count_ = 0;
+  hand_m_s_.setZero();
   instant_count_ = 0;
   good_until_ns_ = 0;
 }
@@ -46,6 +43,7 @@ double LocalWorld::gap_of(const Contact& contact) const noexcept {
 
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   now_ns_ = sample_ns;
+  hand_m_s_ += -std::expm1(-h / kHandSpeed_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   push_count_ = 0;
   const double lag = h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
@@ -76,6 +74,8 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     contact.impulse_n_s = rows_[i].impulse_n_s;
     if (contact.impulse_n_s.isZero(0.0)) continue;
     impulse_n_s_ += contact.impulse_n_s;
+    bodies_[contact.body].given_n_s -= contact.impulse_n_s;
+    push_slot_[push_count_] = contact.body;
     pushes_[push_count_++] = {bodies_[contact.body].index, -contact.impulse_n_s, contact.from_centre_m};
   }
   integrate(h);
@@ -84,7 +84,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
 
 /// Surfaces go on to where physics has them; without news everything comes to rest.
 void LocalWorld::blend(double h) noexcept {
-  const double share = -std::expm1(-h / blend_s_);
+  const double share = -std::expm1(-h / blend_s_), heap_share = -std::expm1(-h / heap_blend_s_);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < contact_count_; ++i) {
     Contact& contact = contacts_[i];
@@ -93,7 +93,8 @@ void LocalWorld::blend(double h) noexcept {
       if (contact.impulse_n_s.isZero(0.0)) continue;
       contact.offset_m += kRecovery_m_s * h;
     } else {
-      contact.offset_m -= std::min(share * contact.offset_m, kRecovery_m_s * h);
+      const double part = bodies_[contact.body].jammed ? heap_share : share;
+      contact.offset_m -= std::min(part * contact.offset_m, kRecovery_m_s * h);
     }
     if (kept != i) contacts_[kept] = contact;
     ++kept;
@@ -106,6 +107,7 @@ void LocalWorld::blend(double h) noexcept {
     body.motion.velocity_m_s *= slower;
     body.motion.angular_velocity_rad_s *= slower;
     body.force_n.setZero();
+    body.heap.brake(slower);
   }
 }
 
@@ -132,6 +134,11 @@ std::size_t LocalWorld::gather(double h) noexcept {
     row.closing_m_s = std::max(contact.gap_m / h, -kRecovery_m_s);
     row.friction = contact.friction;
     row.impulse_n_s = contact.impulse_n_s;
+    if (body.jammed) {
+      row.surface_velocity_m_s = body.heap.free_m_s();
+      row.softness_per_kg = body.heap.mobility_m_s_n() / h;
+      row.advance_m_s = body.heap.advance_m_s(row.normal);
+    }
     row_source_[rows++] = i;
   }
   solved_contacts_ = rows;
@@ -140,7 +147,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     const Body& body = bodies_[slot];
     solver_body_[slot] = SolverContact::kFixed;
-    if (!body.used || body.motion.inverse_mass_per_kg <= 0.0) continue;
+    if (!body.used || body.jammed || body.motion.inverse_mass_per_kg <= 0.0) continue;
     const bool moving = !body.motion.velocity_m_s.isZero(1e-9) || !body.motion.angular_velocity_rad_s.isZero(1e-7);
     const bool falls = !body.supported && !body.force_n.isZero(0.0);
     if (!takes_part[slot] && !moving && !falls) continue;
@@ -168,8 +175,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     row.surface_velocity_m_s = support.velocity_m_s;
     row.friction = support.friction;
     row.torsion_radius_m = support.torsion_radius_m;
-    row.softness_per_kg =
-        kSupportMobility_s / h * support.inverse_mass_per_kg + kSupportSoftness * body.motion.inverse_mass_per_kg;
+    row.softness_per_kg = kSupportSoftness * body.motion.inverse_mass_per_kg;
     row.expected_n_s = support.force_n * h;
     row.impulse_n_s = support.impulse_n_s;
     row.torsion_n_m_s = support.torsion_n_m_s;
@@ -185,6 +191,10 @@ void LocalWorld::integrate(double h) noexcept {
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     Body& body = bodies_[slot];
     if (!body.used || !body.moves) continue;
+    if (body.jammed) {
+      move_heap(slot, h);
+      continue;
+    }
     if (solver_body_[slot] >= 0) {
       const SolverBody& solver = solver_bodies_[static_cast<std::size_t>(solver_body_[slot])];
       body.motion.velocity_m_s = solver.velocity_m_s;
@@ -202,6 +212,19 @@ void LocalWorld::integrate(double h) noexcept {
   }
 }
 
+/// As its contacts took it to move when they were solved.
+void LocalWorld::move_heap(std::size_t slot, double h) noexcept {
+  Body& body = bodies_[slot];
+  Vector3d impulse_n_s = Vector3d::Zero();
+  for (std::size_t i = 0; i < push_count_; ++i) {
+    if (push_slot_[i] == slot) impulse_n_s += pushes_[i].impulse_n_s;
+  }
+  const Vector3d way_m = body.heap.way_m(impulse_n_s, h);
+  body.centre_m += way_m;
+  body.motion.velocity_m_s = way_m / h;
+  body.motion.angular_velocity_rad_s.setZero();
+}
+
 void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
   if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + instant_apart_ns_) return;
   Instant& instant = instants_[instant_count_++ % kInstants];
@@ -216,6 +239,7 @@ void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
     past.velocity_m_s = body.motion.velocity_m_s;
     past.angular_velocity_rad_s = body.motion.angular_velocity_rad_s;
     past.turned = body.turned;
+    past.given_n_s = body.given_n_s;
   }
 }
 

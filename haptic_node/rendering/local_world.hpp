@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "haptic_node/rendering/contact_solver.hpp"
+#include "haptic_node/rendering/local_heap.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -45,7 +46,10 @@ class LocalWorld {
   static constexpr int kRowSweeps = 100;  ///< Rows times sweeps of a step, about: what bounds its time.
   static constexpr double kBlendSteps = 0.3, kBlend_s = 0.01;  ///< Of a step of physics, but no faster than kBlend_s.
   static constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
-  static constexpr double kBrake_s = 0.01;      ///< Without news bodies come to rest in about three times that.
+  /// What an answer moves in a heap is a prediction put right: it is blended in over this many steps instead.
+  static constexpr double kHeapBlendSteps = 2.4;
+  static constexpr double kHandSpeed_s = 0.02;
+  static constexpr double kBrake_s = 0.01;  ///< Without news bodies come to rest in about three times that.
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
@@ -91,9 +95,12 @@ class LocalWorld {
     Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
     double friction_bound_n = 0.0;
     bool supported = false;
-    bool jammed = false;        ///< Held by bodies that move themselves.
-    std::uint64_t told_ns = 0;  ///< Instant of the last answer, and where it had the body.
+    bool jammed = false;                                  ///< Held by bodies that move themselves: a heap.
+    LocalHeap heap;                                       ///< If so.
+    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();  ///< By the proxy, since it is known.
+    std::uint64_t told_ns = 0;  ///< Instant of the last answer, where it had the body, and given_n_s then.
     Eigen::Vector3d told_centre_m = Eigen::Vector3d::Zero();
+    Eigen::Vector3d told_given_n_s = Eigen::Vector3d::Zero();
     std::array<Correction, kCorrections> corrections{};
     std::size_t next_correction = 0;
   };
@@ -114,8 +121,7 @@ class LocalWorld {
     Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
     double friction = 0.0;
     double torsion_radius_m = 0.0;
-    double force_n = 0.0;              ///< Along the normal, as physics had it.
-    double inverse_mass_per_kg = 0.0;  ///< Of what holds.
+    double force_n = 0.0;  ///< Along the normal, as physics had it.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
     double torsion_n_m_s = 0.0;
   };
@@ -123,7 +129,7 @@ class LocalWorld {
   struct Past {
     bool used = false;
     std::uint32_t index = 0;
-    Eigen::Vector3d centre_m, velocity_m_s, angular_velocity_rad_s;
+    Eigen::Vector3d centre_m, velocity_m_s, angular_velocity_rad_s, given_n_s;
     Eigen::Quaterniond turned;
   };
   struct Instant {
@@ -136,6 +142,9 @@ class LocalWorld {
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   [[nodiscard]] bool past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept;
   void take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept;
+  [[nodiscard]] bool take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body, const Past* then,
+                               double age_s) noexcept;
+  void move_heap(std::size_t slot, double h) noexcept;
   void take_supports(const rtbus::ProxyContacts& answer) noexcept;
   void take_contacts(const rtbus::ProxyContacts& answer) noexcept;
   void hold_by_supports(std::size_t slot) noexcept;
@@ -148,9 +157,10 @@ class LocalWorld {
   Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
   double proxy_radius_m_ = 0.0;
   std::uint64_t good_until_ns_ = 0;
-  double blend_s_ = kBlend_s;
+  double blend_s_ = kBlend_s, heap_blend_s_ = kBlend_s;
   std::uint64_t now_ns_ = 0;
 
   std::array<Body, kBodies> bodies_{};
@@ -171,6 +181,7 @@ class LocalWorld {
   std::size_t solved_contacts_ = 0;
 
   std::array<Push, kSolved> pushes_{};
+  std::array<std::size_t, kSolved> push_slot_{};  ///< Of its body.
   std::size_t push_count_ = 0;
 
   std::array<Instant, kInstants> instants_{};

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tools/experiments/fall.hpp"
+#include "tools/experiments/force_profile.hpp"
 #include "tools/harness/harness.hpp"
 
 namespace {
@@ -178,7 +179,8 @@ TEST_P(FreeBlock, IsFeltFiveTimesBetterThanByARemoteSpring) {
 INSTANTIATE_TEST_SUITE_P(Stiffness, FreeBlock, testing::Values(500.0, 1000.0),
                          [](const auto& row) { return "K" + std::to_string(static_cast<int>(row.param)); });
 
-// Newton's third law: what the hand had felt by the sample that the last step answers, and what the world had received by then.
+// Newton's third law: what the hand had felt by the sample that the last step answers, and what the world had received
+// by then.
 TEST(LocalContact, GivesTheWorldWhatTheHandFelt) {
   for (const double scale : {1.0, 0.5}) {
     for (const char* physics : {"null", "100", "18", "5"}) {
@@ -199,6 +201,42 @@ TEST(LocalContact, GivesTheWorldWhatTheHandFelt) {
       EXPECT_LE(norm(difference), 0.02 * norm(felt)) << physics << " Hz, scale " << scale;
     }
   }
+}
+
+/// A firm hand pushes 125 cubes about; forces along the push from when it has met them.
+tools::Roughness push_pile(int start, const Settings& settings) {
+  Harness harness =
+      harness_of("stack_125.yaml", with({"haptic.0.method=local_contact", "haptic.0.device.hand.speed_m_s=0.01",
+                                         text("haptic.0.device.hand.start_s", 0.3 + 0.0037 * start),
+                                         "haptic.0.device.mechanics.position_quantum_m=0"},
+                                        settings));
+  std::vector<double> force_n;
+  harness.run(3.2, [&](const Telemetry& tick) {
+    if (tick.tick > 1500) force_n.push_back(tick.force_n[2]);
+  });
+  return tools::roughness(force_n, 1000.0);
+}
+
+// What is there, felt at full rate without latency, is the measure: nothing honest is calmer. As a bare cube between
+// supports the same pile is ten times as rough.
+TEST(LocalContact, IsAsCalmInAPileAt18HzAsThePileIs) {
+  constexpr int kStarts = 3;
+  std::vector<double> slow, full;
+  double slow_n = 0.0, full_n = 0.0;
+  for (int start = 0; start < kStarts; ++start) {
+    const tools::Roughness a = push_pile(start, {"physics.throttle_hz=18"});
+    const tools::Roughness b = push_pile(start, {"physics.throttle_hz=null"});
+    slow.push_back(1e3 * a.increment_rms_n);
+    full.push_back(1e3 * b.increment_rms_n);
+    slow_n += a.mean_n / kStarts;
+    full_n += b.mean_n / kStarts;
+    std::printf("start %d: 18 Hz %.2f mN per ms, mean %.3f N; full rate %.2f, %.3f\n", start, slow.back(), a.mean_n,
+                full.back(), b.mean_n);
+  }
+  std::sort(slow.begin(), slow.end());
+  std::sort(full.begin(), full.end());
+  EXPECT_LE(slow[1], 2.0 * full[1]);
+  EXPECT_NEAR(slow_n, full_n, 0.25 * full_n);
 }
 
 TEST(LocalContact, RepeatsBitForBit) {

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "tools/experiments/precision_pile.hpp"
 #include "tools/experiments/precision_stack.hpp"
 #include "tools/interrupt.hpp"
 
@@ -243,6 +244,9 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
   experiment.add_table(std::move(orders));
   if (!interrupted()) {
     evaluate_precision_stack({options.stack_file, options.assignments, options.quick}, experiment, progress);
+  }
+  if (!interrupted()) {
+    evaluate_precision_pile({options.pile_files, options.assignments, options.quick}, experiment, progress);
   }
   progress.clear();
   if (interrupted()) experiment.note("interrupted: tables are not complete");

@@ -12,6 +12,7 @@ namespace tools {
 
 struct WorkPrecisionOptions {
   std::string wall_file, sphere_file, block_file, stack_file, soft_file;  ///< Session files.
+  std::vector<std::string> pile_files;                                    ///< Sessions of piles (precision_pile.hpp).
   std::vector<std::string> assignments;  ///< After the experiment's own, so that they win.
   bool quick = false;
 };

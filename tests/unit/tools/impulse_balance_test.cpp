@@ -7,15 +7,17 @@ namespace {
 using Eigen::Vector3d;
 using tools::ImpulseBalance;
 
-constexpr std::uint64_t kStart_ns = 7 * rtbus::kNsPerS;
+constexpr std::uint64_t kStart_ns = 7 * rtbus::kNsPerS, kMs = 1'000'000;
 
 /// Three seconds of 1 N felt at 1 kHz, and `given_n` at 100 Hz in the second of them.
 ImpulseBalance balance_of(double given_n) {
   ImpulseBalance balance;
-  for (std::uint64_t i = 0; i < 3000; ++i) balance.add_felt(kStart_ns + i * 1'000'000, Vector3d(0, 0, 1), 1e-3);
-  for (std::uint64_t i = 0; i < 300; ++i) {
-    const bool second = i >= 100 && i < 200;
-    balance.add_given(kStart_ns + i * 10'000'000, Vector3d(0, 0, second ? given_n : 0.001), 0.01);
+  for (std::uint64_t ms = 0; ms <= 3000; ++ms) {
+    balance.add_felt(kStart_ns + ms * kMs, Vector3d(0, 0, 1));
+    if (ms == 0 || ms % 10 != 0) continue;
+    const bool second = ms > 1000 && ms <= 2000;
+    balance.add_given(kStart_ns + (ms - 10) * kMs, kStart_ns + ms * kMs,
+                      Vector3d(0, 0, 0.01 * (second ? given_n : 0.001)));
   }
   return balance;
 }
@@ -33,8 +35,34 @@ TEST(ImpulseBalance, NoticesThatTheDirectionIsWrong) { EXPECT_NEAR(balance_of(-1
 TEST(ImpulseBalance, SaysNothingWithoutAPushOrBeforeTheFirstTick) {
   EXPECT_EQ(balance_of(0.01).figures().windows, 0u);
   ImpulseBalance balance;
-  balance.add_given(kStart_ns, Vector3d(1, 0, 0), 1.0);
+  balance.add_given(kStart_ns, kStart_ns + rtbus::kNsPerS, Vector3d(1, 0, 0));
   EXPECT_EQ(balance.figures().windows, 0u);
+}
+
+// Steps of 55 ms do not end with the second, the force falls to nothing within one, and a late cycle holds it for
+// longer.
+TEST(ImpulseBalance, LosesNothingAtTheEndOfASecond) {
+  ImpulseBalance balance;
+  Vector3d sum = Vector3d::Zero(), before = Vector3d::Zero();
+  for (std::uint64_t ms = 0; ms < 4000; ++ms) {
+    if (ms % 55 == 0) {
+      if (ms > 0) balance.add_given(kStart_ns + (ms - 55) * kMs, kStart_ns + ms * kMs, sum - before);
+      before = sum;
+    }
+    const double force_n = ms % 1000 < 970 ? 0.5 + 1e-3 * static_cast<double>(ms % 1000) : 0.0;
+    if (ms % 100 != 7) balance.add_felt(kStart_ns + ms * kMs, Vector3d(0, 0, force_n));
+    const double held_n = ms % 100 == 7 ? 0.5 + 1e-3 * static_cast<double>(ms % 1000 - 1) : force_n;
+    sum.z() += 1e-3 * held_n;
+  }
+  EXPECT_EQ(balance.figures().windows, 3u);
+  EXPECT_LT(balance.figures().worst, 1e-9);
+}
+
+TEST(ImpulseBalance, CountsAForceNoLongerThanADeviceHoldsIt) {
+  ImpulseBalance balance;
+  balance.add_felt(kStart_ns, Vector3d(0, 0, 50));
+  balance.add_given(kStart_ns, kStart_ns + 1000 * kMs, Vector3d(0, 0, 1));
+  EXPECT_NEAR(balance.figures().worst, 0.0, 1e-9) << "50 N for 20 ms";
 }
 
 }  // namespace

@@ -1,0 +1,56 @@
+#pragma once
+/// @file local_heap.hpp
+/// How a body among others that give way moves when it is pushed, as far as two answers of physics can tell.
+#include <algorithm>
+
+#include <Eigen/Core>
+
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// A heap gives way like something thick: as it went on the mean over the last period of physics under the mean push of
+/// that period, and faster by `mobility` for what the push is more than that. Cubes that are pushed through each other
+/// at full rate do so (docs/decisions/0008). What stands still under a push stays where it is when the push goes:
+/// against the push nothing comes faster than it came before. Frame W, SI units. @realtime Yes.
+class LocalHeap {
+ public:
+  /// Speeds that a hand does not share do not last: they belong to a slip that is over by the time it is told. Up to
+  /// this they are taken for the heap's own.
+  static constexpr double kOwnSpeed_m_s = 5e-3;
+
+  /// Told: it moved at `speed_m_s` under `push_n`, both means over the last period.
+  /// @param hand_m_s How fast the hand moves.
+  void learn(const Eigen::Vector3d& push_n, const Eigen::Vector3d& speed_m_s,
+             double hand_m_s) noexcept RTBUS_NONBLOCKING;
+
+  /// Nothing is known of its motion yet.
+  void forget() noexcept RTBUS_NONBLOCKING;
+
+  void set_mobility(double mobility_m_s_n) noexcept { mobility_m_s_n_ = mobility_m_s_n; }
+
+  /// News are late: it comes to rest, and gives way no more.
+  void brake(double slower) noexcept RTBUS_NONBLOCKING;
+
+  /// The way in `seconds`, in which it was given `impulse_n_s`.
+  [[nodiscard]] Eigen::Vector3d way_m(const Eigen::Vector3d& impulse_n_s,
+                                      double seconds) const noexcept RTBUS_NONBLOCKING;
+
+  /// Its speed if nothing pushed and nothing held it: what a contact starts from.
+  [[nodiscard]] Eigen::Vector3d free_m_s() const noexcept RTBUS_NONBLOCKING {
+    return speed_m_s_ - mobility_m_s_n_ * push_n_;
+  }
+  /// It comes along `normal` no faster than this.
+  [[nodiscard]] double advance_m_s(const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
+    return std::max(0.0, normal.dot(speed_m_s_));
+  }
+  [[nodiscard]] double mobility_m_s_n() const noexcept { return mobility_m_s_n_; }
+  [[nodiscard]] const Eigen::Vector3d& speed_m_s() const noexcept { return speed_m_s_; }
+
+ private:
+  double mobility_m_s_n_ = 0.0;
+  Eigen::Vector3d push_n_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d speed_m_s_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace haptic

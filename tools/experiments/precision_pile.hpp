@@ -1,0 +1,25 @@
+#pragma once
+/// @file precision_pile.hpp
+/// How calm a pile feels that is pushed through: each method on slow physics beside what is really there, the pile at
+/// full rate without latency, at equal mean force.
+#include <string>
+#include <vector>
+
+#include "tools/experiment.hpp"
+#include "tools/run_progress.hpp"
+
+namespace tools {
+
+struct PrecisionPileOptions {
+  std::vector<std::string> session_files;  ///< stack_125.yaml and its like.
+  std::vector<std::string> assignments;    ///< After the experiment's own.
+  bool quick = false;                      ///< The first session alone, one stiffness, three starts.
+};
+
+/// One table, from slightly different starts, with 95 % confidence intervals; the device without quanta, whose encoder
+/// is rougher than any of it. The hand of a method that presses harder than the full rate is made softer until the mean
+/// forces agree within 10 % or their intervals, where that can be. Checks that local_contact at 18 Hz is no rougher
+/// than the truth. Throws rtbus::config::Error.
+void evaluate_precision_pile(const PrecisionPileOptions& options, Experiment& experiment, RunProgress& progress);
+
+}  // namespace tools
