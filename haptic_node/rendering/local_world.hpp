@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "haptic_node/rendering/contact_solver.hpp"
+#include "haptic_node/rendering/local_soft.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -45,6 +46,7 @@ class LocalWorld {
   static constexpr int kRowSweeps = 100;  ///< Rows times sweeps of a step, about: what bounds its time.
   static constexpr double kBlendSteps = 0.3, kBlend_s = 0.01;  ///< Of a step of physics, but no faster than kBlend_s.
   static constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
+  static constexpr double kReach_m = 0.2e-3;  ///< Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
   static constexpr double kBrake_s = 0.01;      ///< Without news bodies come to rest in about three times that.
 
   /// Puts the proxy there, at rest, and forgets everything else.
@@ -160,17 +162,20 @@ class LocalWorld {
   std::size_t support_count_ = 0;
   std::array<Contact, kContacts> old_contacts_;  ///< Before the answer that is being taken.
   std::array<Support, kSupports> old_supports_;
+  LocalSoft soft_;
+  std::size_t rigid_rows_ = 0;  ///< Bodies of the answer that is being taken; soft ones come after them.
   std::array<std::size_t, kBodies> slot_of_row_{};          ///< Of the answer that is being taken.
   std::array<Eigen::Quaterniond, kBodies> turned_since_{};  ///< Likewise: from its instant to now.
 
   // One step's problem: the proxy first, then bodies; what each row belongs to.
-  std::array<SolverBody, kBodies + 1> solver_bodies_{};
+  static constexpr int kSoftBody = kBodies + 1;
+  std::array<SolverBody, kBodies + 1 + LocalSoft::kPatches> solver_bodies_{};
   std::array<int, kBodies> solver_body_{};  ///< Of a slot; −1: not in the problem.
-  std::array<SolverContact, kSolved + kSupports> rows_{};
+  std::array<SolverContact, kSolved + kSupports + LocalSoft::kPatches> rows_{};
   std::array<std::size_t, kSolved + kSupports> row_source_{};
   std::size_t solved_contacts_ = 0;
 
-  std::array<Push, kSolved> pushes_{};
+  std::array<Push, kSolved + LocalSoft::kPatches> pushes_{};
   std::size_t push_count_ = 0;
 
   std::array<Instant, kInstants> instants_{};

@@ -113,6 +113,15 @@ void MadeSoftBody::press() {
   }
 }
 
+void MadeSoftBody::push(const SoftPatch& patch, const Vector3d& force_n) {
+  if (patch.shares.empty()) {
+    const btVector3 each = to_bullet(force_n, scale_ / soft_->m_nodes.size());
+    for (int i = 0; i < soft_->m_nodes.size(); ++i) soft_->m_nodes[i].m_f += each;
+    return;
+  }
+  for (const auto& [node, share] : patch.shares) soft_->m_nodes[node].m_f += to_bullet(force_n, scale_ * share);
+}
+
 double MadeSoftBody::volume() const {
   const btVector3& origin = soft_->m_nodes[0].m_x;
   btScalar six = 0;

@@ -8,6 +8,7 @@
 
 #include <BulletSoftBody/btSoftBody.h>
 
+#include "physics_node/bullet/soft/soft_patch.hpp"
 #include "physics_node/bullet/units.hpp"
 #include "rtbus/config/soft_body.hpp"
 
@@ -30,6 +31,9 @@ class MadeSoftBody {
 
   /// Coefficients and forces for a step of `h` seconds.
   void before_step(double h);
+
+  /// A force on a patch for the next step, on its nodes by their shares; on all of them when there is no patch.
+  void push(const SoftPatch& patch, const Eigen::Vector3d& force_n);
 
   /// False when a node is not finite or farther than `kMaxUnits` away, or the body is inside out.
   [[nodiscard]] bool sound() const;
