@@ -11,8 +11,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A patch is at least this soft and this light: the solver divides by it.
-constexpr double kStiffest_m_per_n = 1e-6, kHeaviest_per_kg = 1e-3;
+/// A patch is at least this soft: the solver divides by it.
+constexpr double kStiffest_m_per_n = 1e-6;
 
 Vector3d vector_of(const rtbus::Vec3& v) noexcept { return {v[0], v[1], v[2]}; }
 
@@ -83,15 +83,14 @@ void LocalSoft::take(const rtbus::ProxyContacts& answer, const Vector3d& proxy_m
     Patch& patch = *found;
     const bool touches = !patch.impulse_n_s.isZero(0.0);
     const double felt_m = known ? gap_of(patch, proxy_m) : 0.0;
-    const double compliance = std::max(answer.contact_compliance_m_per_n[i], kStiffest_m_per_n);
-    if (known) patch.speed_m_s *= compliance / patch.compliance_m_per_n;
+    const double compliance = std::max(kSofter * answer.contact_compliance_m_per_n[i], kStiffest_m_per_n);
     patch.fades = false;
     patch.compliance_m_per_n = compliance;
-    patch.inverse_mass_per_kg = std::max(answer.body_inverse_mass_per_kg[row], kHeaviest_per_kg);
     patch.friction = answer.contact_friction[i];
-    patch.normal = vector_of(answer.contact_normal[i]);
+    patch.told_normal = vector_of(answer.contact_normal[i]);
     const Vector3d then_n = spring_at(static_cast<std::size_t>(found - patches_.data()), answer.device_time_ns);
-    patch.plane_m = patch.normal.dot(vector_of(answer.proxy_position_m) - compliance * then_n) - answer.contact_gap_m[i];
+    patch.place_m = vector_of(answer.proxy_position_m) - answer.contact_gap_m[i] * patch.told_normal - compliance * then_n;
+    if (!touches) patch.normal = patch.told_normal;
     patch.offset_m = 0.0;
     const double gap_m = gap_of(patch, proxy_m);
     if (touches) {
@@ -119,13 +118,12 @@ std::size_t LocalSoft::gather(const Vector3d& proxy_m, const Vector3d& proxy_m_s
     } else {
       patch.offset_m -= std::min(share * patch.offset_m, LocalWorld::kRecovery_m_s * h);
     }
-    // Spring and damper, implicit over the step: (m + hc + h²k)·v⁺ = m·v − h·φ + impulses.
-    const double mass = 1.0 / patch.inverse_mass_per_kg, stiffness = 1.0 / patch.compliance_m_per_n;
-    const double damping = 2.0 * kDampingRatio * std::sqrt(mass * stiffness);
+    patch.normal = (patch.normal + share * (patch.told_normal - patch.normal)).normalized();
+    // Spring k and damper c, implicit over the step: (hc + h²k)·v⁺ = −h·φ + impulses.
     SolverBody& body = bodies[first_body + static_cast<int>(i)];
     body = SolverBody{};
-    body.inverse_mass_per_kg = 1.0 / (mass + h * damping + h * h * stiffness);
-    body.velocity_m_s = body.inverse_mass_per_kg * (mass * patch.speed_m_s - h * patch.spring_n);
+    body.inverse_mass_per_kg = patch.compliance_m_per_n / (h * (kRelaxation_s + h));
+    body.velocity_m_s = -body.inverse_mass_per_kg * h * patch.spring_n;
     const Vector3d before_n_s = patch.impulse_n_s;
     patch.impulse_n_s.setZero();
     const double gap_m = gap_of(patch, proxy_m);
@@ -148,8 +146,8 @@ void LocalSoft::integrate(const SolverBody* bodies, int first_body, const Solver
   for (std::size_t i = 0; i < kPatches; ++i) {
     Patch& patch = patches_[i];
     if (!patch.used) continue;
-    patch.speed_m_s = bodies[first_body + static_cast<int>(i)].velocity_m_s;
-    patch.spring_n += h / patch.compliance_m_per_n * patch.speed_m_s;
+    const Vector3d speed_m_s = bodies[first_body + static_cast<int>(i)].velocity_m_s;
+    patch.spring_n += h / patch.compliance_m_per_n * speed_m_s;
   }
   if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + instant_apart_ns_) return;
   Instant& instant = instants_[instant_count_++ % kInstants];

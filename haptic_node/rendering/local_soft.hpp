@@ -13,20 +13,24 @@
 
 namespace haptic {
 
-/// A patch has the mass, the compliance C and the friction that physics tells, and a damper. It carries the force φ and is
-/// displaced by w = C·φ from its place at rest; the surface is the plane n·x = d + n·w.
+/// A patch has the compliance C and the friction that physics tells, and a damper, but no mass: an encoder's step would be
+/// felt as if it hit something. It carries the force φ and is displaced by w = C·φ from its place at rest; the surface is
+/// the plane through q + w with the normal n.
 ///
 /// An answer describes the instant t_k: the gap g_k of the proxy at p_k, while the local patch bore φ(t_k). So at rest the
-/// plane lies at d = n·p_k − g_k − n·C·φ(t_k): what physics has found, less what the local world had made of it. Physics had
-/// the same pushes by then, so that d is where the surface would be without them; an error of C enters as
-/// (C_true − C)·φ and dies out from answer to answer as long as C is more than half of the true one. The surface goes from
-/// where it was felt to the new plane as those of rigid bodies do (LocalWorld::kBlendSteps), and a force is kept as φ:
-/// another C moves no surface.
+/// patch was at q = p_k − g_k·n − C·φ(t_k): what physics has found, less what the local world had made of it. Physics had
+/// the same pushes by then, so that q is where the surface would be without them; an error of C enters as
+/// (C_true − C)·φ and dies out from answer to answer as long as C is more than half of the true one. The body as a whole
+/// gives way as well, later and farther: C is therefore kSofter times what physics tells. The surface goes from
+/// where it was felt to the new plane, and turns to it, as those of rigid bodies do (LocalWorld::kBlendSteps), and a force is
+/// kept as φ: another C moves no surface.
 class LocalSoft {
  public:
   static constexpr std::size_t kPatches = 4;
   static constexpr std::uint32_t kSoftKind = 3;  ///< ProxyContacts::body_kind.
-  static constexpr double kDampingRatio = 0.7;
+  /// With once as much as measured, the delay makes a soft body rock under the hand (docs/decisions/0008).
+  static constexpr double kSofter = 2.0;
+  static constexpr double kRelaxation_s = 1e-3;  ///< The damper over the spring.
 
   /// Rows of bodies that are not soft: they come first.
   [[nodiscard]] static std::size_t rigid_rows(const rtbus::ProxyContacts& answer) noexcept RTBUS_NONBLOCKING;
@@ -35,8 +39,9 @@ class LocalSoft {
   [[nodiscard]] bool any() const noexcept { return used_ > 0; }
   void reset() noexcept RTBUS_NONBLOCKING;
 
-  /// An answer has come; the proxy is at `proxy_m`, of `radius_m`. `blend_s` as LocalWorld has it.
-  void take(const rtbus::ProxyContacts& answer, const Eigen::Vector3d& proxy_m, double blend_s) noexcept RTBUS_NONBLOCKING;
+  /// An answer has come; the proxy is at `proxy_m`. `blend_s` as LocalWorld has it.
+  void take(const rtbus::ProxyContacts& answer, const Eigen::Vector3d& proxy_m,
+            double blend_s) noexcept RTBUS_NONBLOCKING;
 
   /// Adds a row for each patch that the proxy, moving at `proxy_m_s`, may reach within `h`, between body 0 and bodies from
   /// `first_body` on, of which it fills kPatches. @returns rows added, at most kPatches.
@@ -56,13 +61,12 @@ class LocalSoft {
     bool fades = false;  ///< Physics does not name it any more.
     std::uint32_t index = 0;
     Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
-    double plane_m = 0.0;  ///< d.
+    Eigen::Vector3d told_normal = Eigen::Vector3d::UnitY();  ///< Where it turns to.
+    Eigen::Vector3d place_m = Eigen::Vector3d::Zero();       ///< q.
     double compliance_m_per_n = 0.0;
-    double inverse_mass_per_kg = 0.0;
     double friction = 0.0;
     double offset_m = 0.0;  ///< Added to the gap: what is still to be blended in.
     Eigen::Vector3d spring_n = Eigen::Vector3d::Zero();   ///< φ.
-    Eigen::Vector3d speed_m_s = Eigen::Vector3d::Zero();  ///< Of w.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
   };
   /// φ of every patch at an instant.
@@ -76,7 +80,7 @@ class LocalSoft {
   [[nodiscard]] Patch* patch_of(std::uint32_t index) noexcept;
   [[nodiscard]] Eigen::Vector3d spring_at(std::size_t patch, std::uint64_t time_ns) const noexcept;
   [[nodiscard]] static double gap_of(const Patch& patch, const Eigen::Vector3d& proxy_m) noexcept {
-    return patch.normal.dot(proxy_m - patch.compliance_m_per_n * patch.spring_n) - patch.plane_m + patch.offset_m;
+    return patch.normal.dot(proxy_m - patch.place_m - patch.compliance_m_per_n * patch.spring_n) + patch.offset_m;
   }
 
   std::array<Patch, kPatches> patches_{};

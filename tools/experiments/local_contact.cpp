@@ -33,6 +33,8 @@ void evaluate_local_contact(const LocalContactOptions& options, Experiment& expe
   claim_wall(options, experiment);
   if (!interrupted()) claim_block(options, experiment, progress);
   if (!interrupted()) claim_rates(options, experiment, progress);
+  if (!interrupted()) claim_rough(options, experiment, progress);
+  if (!interrupted()) claim_third_law(options, experiment);
   progress.clear();
   if (interrupted()) experiment.note("interrupted: tables are not complete");
   experiment.note(

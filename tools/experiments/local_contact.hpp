@@ -34,6 +34,9 @@ void claim_rates(const LocalContactOptions& options, Experiment& experiment, Run
 void claim_free_air(const LocalContactOptions& options, Experiment& experiment);
 void claim_sliding(const LocalContactOptions& options, Experiment& experiment);
 void claim_wall(const LocalContactOptions& options, Experiment& experiment);
+/// e: heaps and soft bodies, rough at equal mean force. g: Newton's third law.
+void claim_rough(const LocalContactOptions& options, Experiment& experiment, RunProgress& progress);
+void claim_third_law(const LocalContactOptions& options, Experiment& experiment);
 
 /// One run, every cycle of it. `--set` of the user comes last.
 [[nodiscard]] std::vector<rtbus::Telemetry> record_hand(const LocalContactOptions& options, const std::string& session,

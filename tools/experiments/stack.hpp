@@ -62,6 +62,18 @@ struct StackPair {
 /// Means within this share of each other are called equal.
 inline constexpr double kEqualMean = 0.10;
 
+/// The push whose mean force is `mean_n` within kEqualMean: as long as it is not, the hand pushes the harder or softer,
+/// four times at most.
+struct PushAtMean {
+  PushTrace trace;
+  PushFigures figures;
+  PushFigures first;  ///< With kStackHand_n_per_m.
+  double hand_n_per_m = kStackHand_n_per_m;
+  StillFrame end;
+};
+[[nodiscard]] PushAtMean push_at_mean(const StackOptions& options, const StackCell& cell, const char* method,
+                                      double mean_n, const HarnessOptions& link);
+
 /// Runs interpolation, then remote coupling; as long as their mean forces differ by more than kEqualMean, the hand of
 /// the remote coupling pushes the harder or softer, four times at most.
 [[nodiscard]] StackPair compare_at_equal_mean(const StackOptions& options, const StackCell& cell);

@@ -67,7 +67,7 @@ void SoftWorld::follow_patches(double h) {
       MadeSoftBody& made = *bodies_[s];
       Followed& each = follow(p, s);
       const PatchBall ball = ball_of(*proxies()[p], made);
-      find_patch(made.soft(), ball, kFollowWidths * ball.width, each.patch);
+      find_patch(made.soft(), made.rest(), ball, kFollowWidths * ball.width, each.patch);
       if (!each.patch.found) {
         if (each.probed) probes_[s]->stop();
         each.probed = false;
@@ -110,7 +110,7 @@ void SoftWorld::add_more_contacts(std::size_t index, double radius_m, ContactSet
       compliance_m_per_n = each.compliance_m_per_n;
     }
     // Of a proxy that has been placed since the last step, too.
-    find_patch(made.soft(), ball, radius_m * scale(), patch);
+    find_patch(made.soft(), made.rest(), ball, radius_m * scale(), patch);
     if (!patch.found) continue;
     if (out.contacts.size() == kMaxContacts) {
       ++out.contacts_overflow;
@@ -120,14 +120,12 @@ void SoftWorld::add_more_contacts(std::size_t index, double radius_m, ContactSet
     behind.body = static_cast<std::uint32_t>(scene_bodies().size() + s);
     behind.kind = BodyKind::kSoft;
     behind.centre_m = patch.point / scale();
-    behind.velocity_m_s = patch.velocity / scale();
     behind.inverse_mass_per_kg = patch.inverse_mass_per_kg;
     Contact contact;
     contact.row = static_cast<std::uint32_t>(out.bodies.size());
     contact.point_m = behind.centre_m;
     contact.normal = patch.normal;
     contact.gap_m = patch.gap / scale();
-    contact.surface_velocity_m_s = behind.velocity_m_s;
     contact.friction = made.body().friction * static_cast<double>(proxy.body().getFriction());
     const double turn = 2.0 * std::numbers::pi * kGuessHz;
     contact.compliance_m_per_n =

@@ -44,6 +44,7 @@ class MadeSoftBody {
   /// What of the settings a step of `h` seconds cannot carry; empty: nothing.
   [[nodiscard]] std::string complaint(double h) const;
 
+  [[nodiscard]] const RestShape& rest() const noexcept { return rest_; }
   [[nodiscard]] btSoftBody& soft() noexcept { return *soft_; }
   [[nodiscard]] const btSoftBody& soft() const noexcept { return *soft_; }
   [[nodiscard]] const rtbus::config::SoftBody& body() const noexcept { return body_; }
@@ -66,6 +67,7 @@ class MadeSoftBody {
   double step_s_ = 0.0;   // of the coefficients
   double carried_ = 1.0;  // share of pressure and bulk modulus that the step carries
   std::vector<std::array<int, 3>> faces_;
+  RestShape rest_;
   std::unique_ptr<btSoftBody> soft_;
 };
 
