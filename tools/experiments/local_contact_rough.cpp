@@ -106,28 +106,32 @@ void claim_rough(const LocalContactOptions& options, Experiment& experiment, Run
   draw_panels(experiment, "local_contact_rough", "Roughness at equal mean force; physics 18 Hz, one full period late", panels);
 }
 
-/// What the hand had felt by the sample that a step answers, and what the world had received by then.
+/// What the hand had felt by the sample that a step answers, and what physics had handed to the world by then.
 void claim_third_law(const LocalContactOptions& options, Experiment& experiment) {
   Table table{"local_contact_third_law",
-              {"scene", "physics [Hz]", "felt in all [N s]", "worst difference in 1 s [N s]", "of what was felt in it"}, {}};
+              {"scene", "method", "physics [Hz]", "felt in all [N s]", "worst difference in 1 s [N s]", "of what was felt in it"}, {}};
   Panel panel{"Impulse within the last second: felt less applied", "time [s]", "difference [mN s]", {}, {}};
   struct Case {
     const char* name;
     const char* session;
+    const char* method;
     Settings more;
     double physics_hz;
     double until_s;
     const char* style;
   };
   const Settings block{"scene.bodies.1.mass_kg=0.1", "haptic.0.coupling.stiffness_n_per_m=500"};
-  for (const Case& each : {Case{"free block", "free_block.yaml", block, 100, 4.5, "lc rgb '#7fb0e6'"},
-                           Case{"free block", "free_block.yaml", block, 18, 4.5, "lc rgb '#1f5fa8'"},
-                           Case{"soft body", "soft.yaml", {}, 18, 7.0, "lc rgb '#1b7a35'"}}) {
+  for (const Case& each :
+       {Case{"free block", "free_block.yaml", kRemoteCoupling, block, 18, 4.5, "lc rgb '#1f5fa8'"},
+        Case{"soft body", "soft.yaml", kRemoteCoupling, {}, 18, 7.0, "lc rgb '#1f5fa8' dt 3"},
+        Case{"free block", "free_block.yaml", kLocalContact, block, 100, 4.5, "lc rgb '#7fc79a'"},
+        Case{"free block", "free_block.yaml", kLocalContact, block, 18, 4.5, "lc rgb '#1b7a35'"},
+        Case{"soft body", "soft.yaml", kLocalContact, {}, 18, 7.0, "lc rgb '#1b7a35' dt 3"}}) {
     Settings settings = each.more;
-    char text[80];
+    char text[120];
     std::snprintf(text, sizeof text, "physics.throttle_hz=%g", each.physics_hz);
     settings.emplace_back(text);
-    settings.push_back(std::string("haptic.0.method=") + kLocalContact);
+    settings.push_back(std::string("haptic.0.method=") + each.method);
     settings.insert(settings.end(), options.assignments.begin(), options.assignments.end());
     std::vector<rtbus::config::Override> overrides;
     for (const std::string& one : settings) overrides.push_back(rtbus::config::parse_override(one));
@@ -154,7 +158,7 @@ void claim_third_law(const LocalContactOptions& options, Experiment& experiment)
       for (std::size_t a = 0; a < 3; ++a) sum[a] -= tick.force_n[a] * tick_s;
       so_far_n_s += norm(tick.force_n) * tick_s;
     });
-    std::snprintf(text, sizeof text, "%s, physics %g Hz", each.name, each.physics_hz);
+    std::snprintf(text, sizeof text, "%s, %s, %g Hz", each.method, each.name, each.physics_hz);
     PanelLine line{text, each.style, {}, {}, false};
     double worst_n_s = 0.0, share = 0.0;
     std::size_t before = 0;
@@ -170,7 +174,8 @@ void claim_third_law(const LocalContactOptions& options, Experiment& experiment)
       if (felt_here_n_s > 0.02) share = std::max(share, norm(change) / felt_here_n_s);
     }
     panel.lines.push_back(std::move(line));
-    table.rows.push_back({std::string(each.name), each.physics_hz, felt_n_s, worst_n_s, share});
+    table.rows.push_back({std::string(each.name), std::string(each.method), each.physics_hz, felt_n_s, worst_n_s, share});
+    if (std::string(each.method) != kLocalContact) continue;
     const std::string id = std::string("local-contact.third_law.") + (each.session[0] == 's' ? "soft" : "block");
     std::snprintf(text, sizeof text, ".%ghz", each.physics_hz);
     experiment.check_at_most(id + text, panel.lines.back().name + ": |felt - applied| in any second over what was felt",
