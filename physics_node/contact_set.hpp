@@ -27,7 +27,7 @@ struct Contact {
 };
 
 /// A soft one is the patch of it that is nearest: `body` counts on after the rigid ones, `centre_m` is the patch's point,
-/// mass and velocity are the patch's, contact compliance is how far it gives way within a tenth of a second.
+/// its mass is the patch's, its velocities are not told; a contact's compliance is how far it gives way within 0.1 s.
 enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2, kSoft = 3 };
 
 /// A body behind at least one contact.

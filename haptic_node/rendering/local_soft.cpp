@@ -89,7 +89,8 @@ void LocalSoft::take(const rtbus::ProxyContacts& answer, const Vector3d& proxy_m
     patch.friction = answer.contact_friction[i];
     patch.told_normal = vector_of(answer.contact_normal[i]);
     const Vector3d then_n = spring_at(static_cast<std::size_t>(found - patches_.data()), answer.device_time_ns);
-    patch.place_m = vector_of(answer.proxy_position_m) - answer.contact_gap_m[i] * patch.told_normal - compliance * then_n;
+    patch.place_m =
+        vector_of(answer.proxy_position_m) - answer.contact_gap_m[i] * patch.told_normal - compliance * then_n;
     if (!touches) patch.normal = patch.told_normal;
     patch.offset_m = 0.0;
     const double gap_m = gap_of(patch, proxy_m);

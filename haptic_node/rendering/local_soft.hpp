@@ -1,7 +1,7 @@
 #pragma once
 /// @file local_soft.hpp
-/// Soft bodies of the local world: where the proxy meets one, a patch of its surface on a spring. Frame W, SI units. Fixed
-/// size, no allocation.
+/// Soft bodies of the local world: where the proxy meets one, a patch of its surface on a spring. Frame W, SI units.
+/// Fixed size, no allocation.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -13,17 +13,17 @@
 
 namespace haptic {
 
-/// A patch has the compliance C and the friction that physics tells, and a damper, but no mass: an encoder's step would be
-/// felt as if it hit something. It carries the force φ and is displaced by w = C·φ from its place at rest; the surface is
-/// the plane through q + w with the normal n.
+/// A patch has the compliance C and the friction that physics tells, and a damper, but no mass: an encoder's step would
+/// be felt as if it hit something. It carries the force φ and is displaced by w = C·φ from its place at rest; the
+/// surface is the plane through q + w with the normal n.
 ///
-/// An answer describes the instant t_k: the gap g_k of the proxy at p_k, while the local patch bore φ(t_k). So at rest the
-/// patch was at q = p_k − g_k·n − C·φ(t_k): what physics has found, less what the local world had made of it. Physics had
-/// the same pushes by then, so that q is where the surface would be without them; an error of C enters as
-/// (C_true − C)·φ and dies out from answer to answer as long as C is more than half of the true one. The body as a whole
-/// gives way as well, later and farther: C is therefore kSofter times what physics tells. The surface goes from
-/// where it was felt to the new plane, and turns to it, as those of rigid bodies do (LocalWorld::kBlendSteps), and a force is
-/// kept as φ: another C moves no surface.
+/// An answer describes the instant t_k: the gap g_k of the proxy at p_k, while the local patch bore φ(t_k). So at rest
+/// the patch was at q = p_k − g_k·n − C·φ(t_k): what physics has found, less what the local world had made of it.
+/// Physics had the same pushes by then, so that q is where the surface would be without them; an error of C enters as
+/// (C_true − C)·φ and dies out from answer to answer as long as C is more than half of the true one. The body as a
+/// whole gives way as well, later and farther: C is therefore kSofter times what physics tells. The surface goes from
+/// where it was felt to the new plane, and turns to it, as those of rigid bodies do (LocalWorld::kBlendSteps), and a
+/// force is kept as φ: another C moves no surface.
 class LocalSoft {
  public:
   static constexpr std::size_t kPatches = 4;
@@ -43,8 +43,8 @@ class LocalSoft {
   void take(const rtbus::ProxyContacts& answer, const Eigen::Vector3d& proxy_m,
             double blend_s) noexcept RTBUS_NONBLOCKING;
 
-  /// Adds a row for each patch that the proxy, moving at `proxy_m_s`, may reach within `h`, between body 0 and bodies from
-  /// `first_body` on, of which it fills kPatches. @returns rows added, at most kPatches.
+  /// Adds a row for each patch that the proxy, moving at `proxy_m_s`, may reach within `h`, between body 0 and bodies
+  /// from `first_body` on, of which it fills kPatches. @returns rows added, at most kPatches.
   std::size_t gather(const Eigen::Vector3d& proxy_m, const Eigen::Vector3d& proxy_m_s, double h, SolverBody* bodies,
                      int first_body, SolverContact* rows) noexcept RTBUS_NONBLOCKING;
 
@@ -65,8 +65,8 @@ class LocalSoft {
     Eigen::Vector3d place_m = Eigen::Vector3d::Zero();       ///< q.
     double compliance_m_per_n = 0.0;
     double friction = 0.0;
-    double offset_m = 0.0;  ///< Added to the gap: what is still to be blended in.
-    Eigen::Vector3d spring_n = Eigen::Vector3d::Zero();   ///< φ.
+    double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
+    Eigen::Vector3d spring_n = Eigen::Vector3d::Zero();     ///< φ.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
   };
   /// φ of every patch at an instant.

@@ -27,8 +27,7 @@ TEST(LocalSoft, IsThreeTimesSmootherThanARemoteSpringAtEqualMeanForce) {
   const auto remote = tools::judge_stroke(tools::stroke_in_harness(
       options(), tools::stroke_settings(options(), kSlow, "remote_virtual_coupling", 0.0), nullptr));
   const auto local = tools::stroke_at_mean(options(), kSlow, "local_contact", remote.roughness.mean_n, nullptr);
-  EXPECT_NEAR(local.figures.roughness.mean_n, remote.roughness.mean_n,
-              tools::kEqualStrokes * remote.roughness.mean_n);
+  EXPECT_NEAR(local.figures.roughness.mean_n, remote.roughness.mean_n, tools::kEqualStrokes * remote.roughness.mean_n);
   EXPECT_GT(local.figures.held, 0.95);
   EXPECT_LE(local.figures.roughness.increment_rms_n, remote.roughness.increment_rms_n / 3.0);
   EXPECT_LE(local.figures.roughness.power_above_30hz_n2, remote.roughness.power_above_30hz_n2 / 9.0);

@@ -57,7 +57,10 @@ void claim_block(const LocalContactOptions& options, Experiment& experiment, Run
     const PrecisionTrace finest = nearly_continuous(scene, kConverged_hz);
     const std::string stiffness = text("K = %g N/m", gain.stiffness_n_per_m);
     Panel forces{"Force on the hand, " + stiffness + ", physics 18 Hz", "time [s]", "force [N]", {}, {}};
-    Panel errors{"RMS of the error, " + stiffness, "results of physics [Hz]", "force error [N]", {},
+    Panel errors{"RMS of the error, " + stiffness,
+                 "results of physics [Hz]",
+                 "force error [N]",
+                 {},
                  "set logscale xy\nset xrange [15:120]\nset xtics (18, 43, 100)"};
     PanelLine of_local = method_line(kLocalContact), of_remote = method_line(kRemoteCoupling);
     of_local.points = of_remote.points = true;
@@ -85,7 +88,8 @@ void claim_block(const LocalContactOptions& options, Experiment& experiment, Run
       if (diverged) {
         experiment.check_at_most(id, what + "force error, RMS (remote coupling diverges)", error_n[1], "N", gain.bar_n);
       } else {
-        experiment.check_at_most(id, what + "force error over remote coupling's", error_n[1] / error_n[0], "1", kBetter);
+        experiment.check_at_most(id, what + "force error over remote coupling's", error_n[1] / error_n[0], "1",
+                                 kBetter);
       }
     }
     PanelLine reference{"without latency, 10 kHz", "lc rgb 'black' dt 2", {}, {}, false};
@@ -104,24 +108,29 @@ void claim_rates(const LocalContactOptions& options, Experiment& experiment, Run
   const PrecisionTrace finest = nearly_continuous(scene, kConverged_hz);
   const std::vector<double> loops =
       options.quick ? std::vector<double>{1000, 10000} : std::vector<double>{1000, 2000, 4000, 10000};
-  const std::vector<double> rates = options.quick ? std::vector<double>{5, 18, 100, 1000}
-                                                  : std::vector<double>{5, 10, 18, 43, 100, 250, 500, 1000};
+  const std::vector<double> rates =
+      options.quick ? std::vector<double>{5, 18, 100, 1000} : std::vector<double>{5, 10, 18, 43, 100, 250, 500, 1000};
   const char* const colours[] = {"'#0b3d91'", "'#1b7a35'", "'#c45a00'", "'#a0308a'"};
   const char* const marks[] = {"5", "7", "9", "13"};
-  Table table{"local_contact_rates",
-              {"method", "loop [Hz]", "physics [Hz]", "force RMS [N]", "force peak [N]", "outcome"}, {}};
+  Table table{
+      "local_contact_rates", {"method", "loop [Hz]", "physics [Hz]", "force RMS [N]", "force peak [N]", "outcome"}, {}};
   std::vector<Panel> panels;
   double worst = 0.0;
   std::size_t done = 0;
   for (const std::string method : {kLocalContact, kRemoteCoupling}) {
-    Panel panel{method, "results of physics [Hz]", "force error, RMS [N]", {},
+    Panel panel{method,
+                "results of physics [Hz]",
+                "force error, RMS [N]",
+                {},
                 "set logscale xy\nset xrange [4:1200]\nset yrange [0.0005:10]"};
     for (std::size_t l = 0; l < loops.size(); ++l) {
-      PanelLine line{text("loop %g kHz", 1e-3 * loops[l]), std::string("pt ") + marks[l] + " lc rgb " + colours[l], {}, {}, true};
+      PanelLine line{
+          text("loop %g kHz", 1e-3 * loops[l]), std::string("pt ") + marks[l] + " lc rgb " + colours[l], {}, {}, true};
       for (const double rate_hz : rates) {
         if (interrupted()) return;
-        progress.show_share(0.5 + 0.2 * static_cast<double>(done++) / static_cast<double>(2 * loops.size() * rates.size()),
-                            method + line.name);
+        progress.show_share(
+            0.5 + 0.2 * static_cast<double>(done++) / static_cast<double>(2 * loops.size() * rates.size()),
+            method + line.name);
         const PrecisionTrace trace = run_precisely(scene, {method, rate_hz, loops[l]});
         const PrecisionError error = error_of(trace, scene, reference_of(finest));
         line.x.push_back(rate_hz);
@@ -136,10 +145,11 @@ void claim_rates(const LocalContactOptions& options, Experiment& experiment, Run
     panels.push_back(std::move(panel));
   }
   experiment.check_at_most("local-contact.rates.worst",
-                           "block, K = 500 N/m, loops 1 to 10 kHz, physics 5 Hz to 1 kHz: worst force error, RMS", worst,
-                           "N", 0.25);
+                           "block, K = 500 N/m, loops 1 to 10 kHz, physics 5 Hz to 1 kHz: worst force error, RMS",
+                           worst, "N", 0.25);
   experiment.add_table(std::move(table));
-  draw_panels(experiment, "local_contact_rates", "Force error of the pushed block, K = 500 N/m, over both rates", panels);
+  draw_panels(experiment, "local_contact_rates", "Force error of the pushed block, K = 500 N/m, over both rates",
+              panels);
 }
 
 }  // namespace tools

@@ -12,8 +12,8 @@ namespace tools {
 
 namespace {
 
-constexpr double kRough = 1.0 / 3.0;   // of remote coupling's
-constexpr double kThirdLaw = 0.02;     // of what was felt within a second
+constexpr double kRough = 1.0 / 3.0;  // of remote coupling's
+constexpr double kThirdLaw = 0.02;    // of what was felt within a second
 constexpr double kWindow_s = 1.0;
 
 using Settings = std::vector<std::string>;
@@ -23,8 +23,8 @@ double vibration_n(const Roughness& roughness) { return std::sqrt(roughness.powe
 /// Both figures of roughness, against remote coupling's at a mean force that is equal within 10 %.
 void check_rough(const std::string& id, const std::string& what, const Roughness& remote, const Roughness& local,
                  Experiment& experiment) {
-  experiment.check_between(id + ".mean", what + ": mean force over remote coupling's", local.mean_n / remote.mean_n, "1",
-                           0.9, 1.1);
+  experiment.check_between(id + ".mean", what + ": mean force over remote coupling's", local.mean_n / remote.mean_n,
+                           "1", 0.9, 1.1);
   experiment.check_at_most(id + ".vibration", what + ": RMS above 30 Hz over remote coupling's",
                            vibration_n(local) / vibration_n(remote), "1", kRough);
   experiment.check_at_most(id + ".increments", what + ": changes per 1 ms over remote coupling's",
@@ -32,8 +32,8 @@ void check_rough(const std::string& id, const std::string& what, const Roughness
 }
 
 void add_row(Table& table, const std::string& scene, const char* method, const Roughness& rough, double peak_n) {
-  table.rows.push_back({scene, std::string(method), rough.mean_n, peak_n, 1e3 * rough.increment_rms_n,
-                        1e3 * vibration_n(rough)});
+  table.rows.push_back(
+      {scene, std::string(method), rough.mean_n, peak_n, 1e3 * rough.increment_rms_n, 1e3 * vibration_n(rough)});
 }
 
 Panel soft_panel(const LocalContactOptions& options, Table& table, Experiment& experiment) {
@@ -42,7 +42,10 @@ Panel soft_panel(const LocalContactOptions& options, Table& table, Experiment& e
   soft.assignments = options.assignments;
   // A light grip; stiffness and rate at which interpolation is on the edge (soft.cpp).
   const SoftMachine machine{"18hz", "18 Hz", 18.0, 250.0, true};
-  Panel panel{"Soft body pressed and stroked, K = 250 N/m", "time [s]", "force on the hand, upwards [N]", {},
+  Panel panel{"Soft body pressed and stroked, K = 250 N/m",
+              "time [s]",
+              "force on the hand, upwards [N]",
+              {},
               "set xrange [0.8:7]"};
   const SoftStroke remote = stroke_in_harness(soft, stroke_settings(soft, machine, kRemoteCoupling, 0.0), nullptr);
   const StrokeFigures of_remote = judge_stroke(remote);
@@ -55,7 +58,8 @@ Panel soft_panel(const LocalContactOptions& options, Table& table, Experiment& e
   }
   add_row(table, "soft", kRemoteCoupling, of_remote.roughness, of_remote.peak_n);
   add_row(table, "soft", kLocalContact, local.figures.roughness, local.figures.peak_n);
-  check_rough("local-contact.rough.soft", "soft, physics 18 Hz", of_remote.roughness, local.figures.roughness, experiment);
+  check_rough("local-contact.rough.soft", "soft, physics 18 Hz", of_remote.roughness, local.figures.roughness,
+              experiment);
   experiment.check_at_least("local-contact.rough.soft.held", "soft: share of the stroke with a force",
                             local.figures.held, "1", 0.95);
   experiment.check_at_least("local-contact.rough.soft.energy",
@@ -68,7 +72,8 @@ Panel stack_panel(const LocalContactOptions& options, int cubes, Table& table, E
   const StackOptions stack{options.config_folder, options.assignments, /*quick=*/true};
   const StackCell cell{"18hz", cubes, false, 18.0, 275.0, true};
   const std::string name = "stack_" + std::to_string(cubes);
-  Panel panel{"Push into " + std::to_string(cubes) + " cubes, K = 275 N/m", "time [s]", "force on the hand [N]", {}, {}};
+  Panel panel{
+      "Push into " + std::to_string(cubes) + " cubes, K = 275 N/m", "time [s]", "force on the hand [N]", {}, {}};
   const PushSetup setup = stack_setup(stack, cell, kRemoteCoupling, kStackHand_n_per_m);
   const PushTrace remote = push_in_harness(setup, {});
   const PushFigures of_remote = judge_push(remote, setup.gap_mm);
@@ -92,7 +97,8 @@ double norm(const rtbus::Vec3& v) { return std::hypot(v[0], v[1], v[2]); }
 
 void claim_rough(const LocalContactOptions& options, Experiment& experiment, RunProgress& progress) {
   Table table{"local_contact_rough",
-              {"scene", "method", "mean [N]", "peak [N]", "changes per 1 ms, RMS [mN]", "above 30 Hz, RMS [mN]"}, {}};
+              {"scene", "method", "mean [N]", "peak [N]", "changes per 1 ms, RMS [mN]", "above 30 Hz, RMS [mN]"},
+              {}};
   std::vector<Panel> panels;
   progress.show_share(0.7, "soft");
   panels.push_back(soft_panel(options, table, experiment));
@@ -103,13 +109,16 @@ void claim_rough(const LocalContactOptions& options, Experiment& experiment, Run
   }
   if (options.quick) experiment.note("--quick: no 500 cubes");
   experiment.add_table(std::move(table));
-  draw_panels(experiment, "local_contact_rough", "Roughness at equal mean force; physics 18 Hz, one full period late", panels);
+  draw_panels(experiment, "local_contact_rough", "Roughness at equal mean force; physics 18 Hz, one full period late",
+              panels);
 }
 
 /// What the hand had felt by the sample that a step answers, and what physics had handed to the world by then.
 void claim_third_law(const LocalContactOptions& options, Experiment& experiment) {
   Table table{"local_contact_third_law",
-              {"scene", "method", "physics [Hz]", "felt in all [N s]", "worst difference in 1 s [N s]", "of what was felt in it"}, {}};
+              {"scene", "method", "physics [Hz]", "felt in all [N s]", "worst difference in 1 s [N s]",
+               "of what was felt in it"},
+              {}};
   Panel panel{"Impulse within the last second: felt less applied", "time [s]", "difference [mN s]", {}, {}};
   struct Case {
     const char* name;
@@ -121,12 +130,11 @@ void claim_third_law(const LocalContactOptions& options, Experiment& experiment)
     const char* style;
   };
   const Settings block{"scene.bodies.1.mass_kg=0.1", "haptic.0.coupling.stiffness_n_per_m=500"};
-  for (const Case& each :
-       {Case{"free block", "free_block.yaml", kRemoteCoupling, block, 18, 4.5, "lc rgb '#1f5fa8'"},
-        Case{"soft body", "soft.yaml", kRemoteCoupling, {}, 18, 7.0, "lc rgb '#1f5fa8' dt 3"},
-        Case{"free block", "free_block.yaml", kLocalContact, block, 100, 4.5, "lc rgb '#7fc79a'"},
-        Case{"free block", "free_block.yaml", kLocalContact, block, 18, 4.5, "lc rgb '#1b7a35'"},
-        Case{"soft body", "soft.yaml", kLocalContact, {}, 18, 7.0, "lc rgb '#1b7a35' dt 3"}}) {
+  for (const Case& each : {Case{"free block", "free_block.yaml", kRemoteCoupling, block, 18, 4.5, "lc rgb '#1f5fa8'"},
+                           Case{"soft body", "soft.yaml", kRemoteCoupling, {}, 18, 7.0, "lc rgb '#1f5fa8' dt 3"},
+                           Case{"free block", "free_block.yaml", kLocalContact, block, 100, 4.5, "lc rgb '#7fc79a'"},
+                           Case{"free block", "free_block.yaml", kLocalContact, block, 18, 4.5, "lc rgb '#1b7a35'"},
+                           Case{"soft body", "soft.yaml", kLocalContact, {}, 18, 7.0, "lc rgb '#1b7a35' dt 3"}}) {
     Settings settings = each.more;
     char text[120];
     std::snprintf(text, sizeof text, "physics.throttle_hz=%g", each.physics_hz);
@@ -174,7 +182,8 @@ void claim_third_law(const LocalContactOptions& options, Experiment& experiment)
       if (felt_here_n_s > 0.02) share = std::max(share, norm(change) / felt_here_n_s);
     }
     panel.lines.push_back(std::move(line));
-    table.rows.push_back({std::string(each.name), std::string(each.method), each.physics_hz, felt_n_s, worst_n_s, share});
+    table.rows.push_back(
+        {std::string(each.name), std::string(each.method), each.physics_hz, felt_n_s, worst_n_s, share});
     if (std::string(each.method) != kLocalContact) continue;
     const std::string id = std::string("local-contact.third_law.") + (each.session[0] == 's' ? "soft" : "block");
     std::snprintf(text, sizeof text, ".%ghz", each.physics_hz);

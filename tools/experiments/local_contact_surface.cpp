@@ -80,11 +80,11 @@ void claim_free_air(const LocalContactOptions& options, Experiment& experiment) 
       ++count;
     }
     panel.lines.push_back(std::move(line));
-    table.rows.push_back({std::string(row.name), row.physics_hz, largest_n,
-                          count > 0 ? drag / static_cast<double>(count) : 0.0});
+    table.rows.push_back(
+        {std::string(row.name), row.physics_hz, largest_n, count > 0 ? drag / static_cast<double>(count) : 0.0});
     if (std::string(row.method) == kLocalContact) {
-      experiment.check_at_most("local-contact.air.force", "free air at 0.2 m/s, physics 18 Hz: largest force", largest_n,
-                               "N", kAir_n);
+      experiment.check_at_most("local-contact.air.force", "free air at 0.2 m/s, physics 18 Hz: largest force",
+                               largest_n, "N", kAir_n);
       experiment.check_at_least("local-contact.air.moves", "free air: ticks at 0.2 m/s that were looked at",
                                 static_cast<double>(count), "1", 100.0);
     }
@@ -107,7 +107,8 @@ void claim_sliding(const LocalContactOptions& options, Experiment& experiment) {
                                    {"flat_friction", "flat, friction 0.3", "wall.yaml", 0.3, -0.003, 1.4, 1.98},
                                    {"ball", "ball of 50 mm", "sphere.yaml", 0.0, -0.008, 1.45, 1.85}};
   Table table{"local_contact_sliding",
-              {"surface", "method", "physics [Hz]", "mean normal force [N]", "ripple, peak to peak [N]"}, {}};
+              {"surface", "method", "physics [Hz]", "mean normal force [N]", "ripple, peak to peak [N]"},
+              {}};
   std::vector<Panel> panels;
   for (const Surface& surface : kSurfaces) {
     const Settings rubs = {text("haptic.0.proxy.friction=%g", surface.friction), "scene.bodies.0.friction=1"};
@@ -123,7 +124,10 @@ void claim_sliding(const LocalContactOptions& options, Experiment& experiment) {
       std::size_t count = 0;
       const bool local = std::string(method) == kLocalContact;
       PanelLine line{text(local ? "local_contact, %g Hz" : "remote coupling, %g Hz", physics_hz),
-                     std::string("lc rgb ") + (local ? "'#1b7a35'" : "'#1f5fa8'") + (physics_hz == 18.0 ? "" : " dt 3"), {}, {}, false};
+                     std::string("lc rgb ") + (local ? "'#1b7a35'" : "'#1f5fa8'") + (physics_hz == 18.0 ? "" : " dt 3"),
+                     {},
+                     {},
+                     false};
       for (std::size_t i = 0; i < std::min(ticks.size(), smooth.size()); ++i) {
         const double t = time_of(ticks, i);
         if (t < surface.from_s || t > surface.until_s) continue;
@@ -142,11 +146,13 @@ void claim_sliding(const LocalContactOptions& options, Experiment& experiment) {
       table.rows.push_back({std::string(surface.what), std::string(method), physics_hz, normal_n, high_n - low_n});
       if (!local) continue;
       experiment.check_at_most(text((std::string("local-contact.sliding.") + surface.id + ".%ghz").c_str(), physics_hz),
-                               std::string("sliding at 0.1 m/s, ") + surface.what + text(", physics %g Hz: ripple beyond friction, peak to peak", physics_hz),
+                               std::string("sliding at 0.1 m/s, ") + surface.what +
+                                   text(", physics %g Hz: ripple beyond friction, peak to peak", physics_hz),
                                high_n - low_n, "N", kRipple_n);
       if (physics_hz != 18.0) continue;
       experiment.check_at_least(std::string("local-contact.sliding.") + surface.id + ".presses",
-                                std::string("sliding, ") + surface.what + ": mean force of direct there", normal_n, "N", 0.5);
+                                std::string("sliding, ") + surface.what + ": mean force of direct there", normal_n, "N",
+                                0.5);
     }
     panels.push_back(std::move(panel));
   }
@@ -166,8 +172,8 @@ void claim_wall(const LocalContactOptions& options, Experiment& experiment) {
     double physics_hz;
   };
   constexpr Row kRows[] = {{"direct", 0}, {kLocalContact, 18}, {kRemoteCoupling, 18}};
-  Table table{"local_contact_wall",
-              {"method", "physics [Hz]", "outcome", "settling [s]", "rest [mm]", "peak force [N]"}, {}};
+  Table table{
+      "local_contact_wall", {"method", "physics [Hz]", "outcome", "settling [s]", "rest [mm]", "peak force [N]"}, {}};
   Panel heights{"Height of the tip", "time since the release [s]", "height [mm]", {}, "set xrange [0:1.5]"};
   Panel forces{"Force on the hand", "time since the release [s]", "force [N]", {}, "set xrange [0:1.5]"};
   double direct_s = 0.0;

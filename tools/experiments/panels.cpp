@@ -60,9 +60,12 @@ void draw_panels(Experiment& experiment, const std::string& stem, const std::str
                 "\nset grid lc rgb 'gray80'\nset lmargin 11\nset rmargin 4\n";
   for (std::size_t p = 0; p < panels.size(); ++p) {
     const Panel& panel = panels[p];
-    figure.body += "unset logscale\nunset arrow\nset autoscale\nset format '%g'\nset xtics autofreq\nset key below center horizontal Left reverse width 2\n"
-                   "set title " + gnuplot_quoted(panel.title) + "\nset xlabel " + gnuplot_quoted(panel.x_label) +
-                   "\nset ylabel " + gnuplot_quoted(panel.y_label) + "\n" + panel.setup + "\nplot ";
+    figure.body +=
+        "unset logscale\nunset arrow\nset autoscale\nset format '%g'\nset xtics autofreq\nset bmargin 7\nset key below center "
+        "horizontal Left reverse width 2\n"
+        "set title " +
+        gnuplot_quoted(panel.title) + "\nset xlabel " + gnuplot_quoted(panel.x_label) + "\nset ylabel " +
+        gnuplot_quoted(panel.y_label) + "\n" + panel.setup + "\nplot ";
     for (std::size_t l = 0; l < panel.lines.size(); ++l) {
       const PanelLine& line = panel.lines[l];
       const std::string file = stem + "_" + std::to_string(p + 1) + "_" + std::to_string(l + 1) + ".tsv";

@@ -1,6 +1,7 @@
 #pragma once
 /// @file soft_stroke.hpp
-/// One stroke over a soft body (config/devices/stroke_soft.csv), recorded and judged, and two methods at equal mean force.
+/// One stroke over a soft body (config/devices/stroke_soft.csv), recorded and judged, and two methods at equal mean
+/// force.
 #include <string>
 #include <vector>
 
@@ -59,8 +60,8 @@ inline constexpr double kEqualStrokes = 0.10;
 [[nodiscard]] SoftStroke stroke_in_harness(const SoftOptions& options, const std::vector<std::string>& assignments,
                                            StillFrame* picture);
 
-/// The stroke whose mean force is `mean_n` within kEqualStrokes: the hand wants to be the deeper or less deep, for a few
-/// tries.
+/// The stroke whose mean force is `mean_n` within kEqualStrokes: the hand wants to be the deeper or less deep, for a
+/// few tries.
 struct StrokeAtMean {
   SoftStroke stroke;
   StrokeFigures figures;

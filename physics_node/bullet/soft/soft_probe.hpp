@@ -9,9 +9,9 @@
 namespace physics::bullet {
 
 /// Two copies of a body start where it is, carry on as it does under the force that it bears, and one of them bears
-/// kLoad_n more on the patch. After kHorizon_s the compliance is the difference of the patch's places, mean over the second
-/// half (by then it swings about its end), over the load. The body itself is not touched. One step of each copy per step
-/// of the world: no step takes much longer than the others.
+/// kLoad_n more on the patch. After kHorizon_s the compliance is the difference of the patch's places, mean over the
+/// second half (by then it swings about its end), over the load. The body itself is not touched. One step of each copy
+/// per step of the world: no step takes much longer than the others.
 class SoftProbe {
  public:
   static constexpr double kLoad_n = 0.02;
