@@ -61,7 +61,8 @@ void draw_panels(Experiment& experiment, const std::string& stem, const std::str
   for (std::size_t p = 0; p < panels.size(); ++p) {
     const Panel& panel = panels[p];
     figure.body +=
-        "unset logscale\nunset arrow\nset autoscale\nset format '%g'\nset xtics autofreq\nset bmargin 7\nset key below center "
+        "unset logscale\nunset arrow\nset autoscale\nset format '%g'\nset xtics autofreq\nset bmargin 7\nset key below "
+        "center "
         "horizontal Left reverse width 2\n"
         "set title " +
         gnuplot_quoted(panel.title) + "\nset xlabel " + gnuplot_quoted(panel.x_label) + "\nset ylabel " +
