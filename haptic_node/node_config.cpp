@@ -207,9 +207,6 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
     entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");
   }
 
-  if (method->needs_contacts && !session.scene.soft_bodies.empty()) {
-    entry.fail("method", "does not feel soft bodies, which the scene has; use remote_virtual_coupling");
-  }
   if (!method->needs_physics && out.shapes.size() > kMaxDirectShapes) {
     entry.fail("method", "looks at every shape in every cycle and takes at most " + std::to_string(kMaxDirectShapes) +
                              "; the scene has " + std::to_string(out.shapes.size()) + ": use remote_virtual_coupling");

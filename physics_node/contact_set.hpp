@@ -26,7 +26,9 @@ struct Contact {
   std::uint32_t row = 0;  ///< Of the body in ContactSet::bodies.
 };
 
-enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2 };
+/// A soft one is the patch of it that is nearest: `body` counts on after the rigid ones, `centre_m` is the patch's point,
+/// its mass is the patch's, its velocities are not told; a contact's compliance is how far it gives way within 0.1 s.
+enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2, kSoft = 3 };
 
 /// A body behind at least one contact.
 struct BodyBehind {
@@ -72,8 +74,8 @@ struct ContactSet {
   double radius_m = 0.0;        ///< Nothing but what is listed (or overflowed) is nearer to the proxy than this.
   double proxy_radius_m = 0.0;  ///< As the engine sees it.
   double proxy_mass_kg = 0.0;
-  std::vector<Contact> contacts;   ///< By gap, the nearest first.
-  std::vector<BodyBehind> bodies;  ///< One row for each body, in the order of its nearest contact.
+  std::vector<Contact> contacts;   ///< By gap, the nearest first; those of soft bodies after all others.
+  std::vector<BodyBehind> bodies;  ///< One row for each body, in the order of its nearest contact; soft ones last.
   std::vector<Support> supports;
   std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that found no place: the farthest ones.
   std::uint32_t supports_overflow = 0;

@@ -25,7 +25,7 @@ struct ProxyContacts {
   double proxy_mass_kg = 0.0;
   double proxy_radius_m = 0.0;
   std::uint32_t mapping_epoch = 0;      ///< Of the DeviceState it answers.
-  std::uint32_t contacts = 0;           ///< Rows used of the contact_… arrays, nearest first.
+  std::uint32_t contacts = 0;           ///< Rows used of the contact_… arrays, nearest first; soft ones last.
   std::uint32_t bodies = 0;             ///< … of the body_… arrays.
   std::uint32_t supports = 0;           ///< … of the support_… arrays.
   std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that found no row, in this step.
@@ -41,7 +41,7 @@ struct ProxyContacts {
   std::array<Symmetric3, kContactSlots> contact_inverse_mass_per_kg{};  ///< Zero: no force moves it.
 
   std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order.
-  std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic.
+  std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic, 3 soft.
   std::array<Vec3, kContactSlots> body_centre_m{};
   std::array<Vec3, kContactSlots> body_velocity_m_s{};
   std::array<Vec3, kContactSlots> body_angular_velocity_rad_s{};

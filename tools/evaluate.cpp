@@ -22,6 +22,7 @@
 #include "tools/command.hpp"
 #include "tools/experiments/drop.hpp"
 #include "tools/experiments/faults.hpp"
+#include "tools/experiments/local_contact.hpp"
 #include "tools/experiments/overhead.hpp"
 #include "tools/experiments/soft.hpp"
 #include "tools/experiments/stability.hpp"
@@ -96,6 +97,11 @@ void run_work_precision(const EvaluateOptions& options, Experiment& experiment) 
   evaluate_work_precision(precision, experiment);
 }
 
+void run_local_contact(const EvaluateOptions& options, Experiment& experiment) {
+  const std::filesystem::path folder = std::filesystem::path(find_config("wall.yaml")).parent_path();
+  evaluate_local_contact({folder.string(), options.assignments, options.quick}, experiment);
+}
+
 StabilityOptions stability_of(const EvaluateOptions& options) {
   StabilityOptions stability;
   stability.session_file = session_of(options, "wall.yaml");
@@ -132,6 +138,7 @@ constexpr std::array kExperiments{
     Row{"stack", "a push into 125, 250 and 500 cubes (Figs 12 to 16, Table I)", false, true, &run_stack},
     Row{"soft", "five soft bodies touched (Figs 17 to 19)", true, true, &run_soft},
     Row{"work-precision", "force error against run time", false, true, &run_work_precision},
+    Row{"local-contact", "each claim of the method local_contact", false, true, &run_local_contact},
     Row{"stability", "seeded cases from easy to absurd, and maps", true, true, &run_stability},
     Row{"faults", "what the hand feels when something dies", true, false, &run_faults},
     Row{"overhead", "what each optional part costs", false, false, &run_overhead},

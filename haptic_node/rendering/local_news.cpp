@@ -54,6 +54,8 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   proxy_radius_m_ = answer.proxy_radius_m;
   // The gaps as felt, before anything is moved.
   for (std::size_t i = 0; i < contact_count_; ++i) contacts_[i].gap_m = gap_of(contacts_[i]) + contacts_[i].offset_m;
+  rigid_rows_ = LocalSoft::rigid_rows(answer);
+  soft_.take(answer, position_m_, blend_s_);
   take_bodies(answer, now_ns);
   take_supports(answer);
   take_contacts(answer);
@@ -125,8 +127,7 @@ bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_
 void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   for (Body& body : bodies_) body.named = false;
   const double age_s = answer.device_time_ns < now_ns ? rtbus::seconds_between(answer.device_time_ns, now_ns) : 0.0;
-  const std::size_t rows = std::min<std::size_t>(answer.bodies, kBodies);
-  for (std::size_t row = 0; row < rows; ++row) {
+  for (std::size_t row = 0; row < rigid_rows_; ++row) {
     const std::size_t slot = slot_of(answer.body_index[row]);
     Body& body = bodies_[slot];
     const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
@@ -213,7 +214,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
   support_count_ = 0;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, kSupports); ++i) {
     const std::size_t row = answer.support_body[i];
-    if (row >= kBodies || row >= answer.bodies || bodies_[slot_of_row_[row]].jammed) continue;
+    if (row >= rigid_rows_ || bodies_[slot_of_row_[row]].jammed) continue;
     Support& support = supports_[support_count_++];
     support = Support{};
     support.body = slot_of_row_[row];
@@ -243,7 +244,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
   if (answer.supports_overflow > 0 && answer.supports > 0) {
     complete = std::max<std::size_t>(answer.support_body[std::min<std::size_t>(answer.supports, kSupports) - 1], 1);
   }
-  for (std::size_t row = 0; row < std::min<std::size_t>(answer.bodies, kBodies); ++row) {
+  for (std::size_t row = 0; row < rigid_rows_; ++row) {
     const std::size_t slot = slot_of_row_[row];
     Body& body = bodies_[slot];
     if (row >= complete) {
@@ -301,7 +302,7 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
   contact_count_ = 0;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
     const std::size_t row = answer.contact_body[i];
-    if (row >= kBodies || row >= answer.bodies) continue;
+    if (row >= rigid_rows_) continue;
     Contact& contact = contacts_[contact_count_++];
     contact = Contact{};
     contact.body = slot_of_row_[row];

@@ -12,8 +12,6 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// Contacts that the proxy cannot reach in a step are left out of it, with this to spare.
-constexpr double kReach_m = 0.2e-3;
 /// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
 constexpr double kSupportSoftness = 0.02;
 
@@ -33,6 +31,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   contact_count_ = support_count_ = push_count_ = 0;
   hand_m_s_.setZero();
   instant_count_ = 0;
+  soft_.reset();
   good_until_ns_ = 0;
 }
 
@@ -60,9 +59,13 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 
   const std::size_t rows = gather(h);
-  if (rows > 0) {
-    const int sweeps = std::clamp(kRowSweeps / static_cast<int>(rows), kFewestSweeps, kSweeps);
-    solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
+  SolverContact* const soft_rows = rows_.data() + rows;
+  const std::size_t soft = soft_.any() ? soft_.gather(position_m_, solver_bodies_[0].velocity_m_s, h,
+                                                      solver_bodies_.data(), kSoftBody, soft_rows)
+                                       : 0;
+  if (const std::size_t all = rows + soft; all > 0) {
+    const int sweeps = std::clamp(kRowSweeps / static_cast<int>(all), kFewestSweeps, kSweeps);
+    solve_contacts(solver_bodies_.data(), rows_.data(), all, sweeps);
   }
   for (std::size_t i = 0; i < rows; ++i) {
     if (i >= solved_contacts_) {
@@ -78,6 +81,13 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     push_slot_[push_count_] = contact.body;
     pushes_[push_count_++] = {bodies_[contact.body].index, -contact.impulse_n_s, contact.from_centre_m};
   }
+  for (std::size_t i = 0; i < soft; ++i) {
+    if (soft_rows[i].impulse_n_s.isZero(0.0)) continue;
+    impulse_n_s_ += soft_rows[i].impulse_n_s;
+    push_slot_[push_count_] = kSoftBody;
+    pushes_[push_count_++] = {soft_.body_of(i), -soft_rows[i].impulse_n_s, Vector3d::Zero()};
+  }
+  if (soft_.any()) soft_.integrate(solver_bodies_.data(), kSoftBody, soft_rows, h, sample_ns);
   integrate(h);
   remember(sample_ns);
 }

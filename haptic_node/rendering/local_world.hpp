@@ -12,6 +12,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/local_heap.hpp"
+#include "haptic_node/rendering/local_soft.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -49,6 +50,8 @@ class LocalWorld {
   /// What an answer moves in a heap is a prediction put right: it is blended in over this many steps instead.
   static constexpr double kHeapBlendSteps = 2.4;
   static constexpr double kHandSpeed_s = 0.02;
+  /// Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
+  static constexpr double kReach_m = 0.2e-3;
   static constexpr double kBrake_s = 0.01;  ///< Without news bodies come to rest in about three times that.
 
   /// Puts the proxy there, at rest, and forgets everything else.
@@ -170,18 +173,21 @@ class LocalWorld {
   std::size_t support_count_ = 0;
   std::array<Contact, kContacts> old_contacts_;  ///< Before the answer that is being taken.
   std::array<Support, kSupports> old_supports_;
+  LocalSoft soft_;
+  std::size_t rigid_rows_ = 0;  ///< Bodies of the answer that is being taken; soft ones come after them.
   std::array<std::size_t, kBodies> slot_of_row_{};          ///< Of the answer that is being taken.
   std::array<Eigen::Quaterniond, kBodies> turned_since_{};  ///< Likewise: from its instant to now.
 
   // One step's problem: the proxy first, then bodies; what each row belongs to.
-  std::array<SolverBody, kBodies + 1> solver_bodies_{};
+  static constexpr int kSoftBody = kBodies + 1;
+  std::array<SolverBody, kBodies + 1 + LocalSoft::kPatches> solver_bodies_{};
   std::array<int, kBodies> solver_body_{};  ///< Of a slot; −1: not in the problem.
-  std::array<SolverContact, kSolved + kSupports> rows_{};
+  std::array<SolverContact, kSolved + kSupports + LocalSoft::kPatches> rows_{};
   std::array<std::size_t, kSolved + kSupports> row_source_{};
   std::size_t solved_contacts_ = 0;
 
-  std::array<Push, kSolved> pushes_{};
-  std::array<std::size_t, kSolved> push_slot_{};  ///< Of its body.
+  std::array<Push, kSolved + LocalSoft::kPatches> pushes_{};
+  std::array<std::size_t, kSolved + LocalSoft::kPatches> push_slot_{};  ///< Of its body; kSoftBody and on: soft.
   std::size_t push_count_ = 0;
 
   std::array<Instant, kInstants> instants_{};

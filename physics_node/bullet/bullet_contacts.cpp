@@ -179,6 +179,7 @@ void BulletWorld::contacts(std::size_t index, double radius_m, ContactSet& out) 
   if (!proxy.released()) find_contacts(proxy, radius_m, found);
   keep_nearest(found, out);
   describe_bodies(proxy, out);
+  add_more_contacts(index, radius_m, out);
 }
 
 }  // namespace physics::bullet

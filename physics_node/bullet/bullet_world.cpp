@@ -232,6 +232,7 @@ void BulletWorld::place_moving(double h) {
 
 void BulletWorld::before_dynamics(double) {}
 void BulletWorld::after_dynamics(double) {}
+void BulletWorld::add_more_contacts(std::size_t, double, ContactSet&) const {}
 
 void BulletWorld::step(double step_s) {
   if (!std::isfinite(step_s) || step_s <= 0.0) return;

@@ -70,6 +70,9 @@ class BulletWorld : public World {
   virtual void before_dynamics(double h);
   virtual void after_dynamics(double h);
 
+  /// What contacts() has to say besides, once it has said all of the rigid bodies.
+  virtual void add_more_contacts(std::size_t proxy, double radius_m, ContactSet& out) const;
+
   struct SceneBody {
     std::shared_ptr<MadeShape> made;  // shared along a grid
     std::unique_ptr<btRigidBody> rigid;

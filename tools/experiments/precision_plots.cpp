@@ -3,33 +3,13 @@
 #include <fstream>
 #include <limits>
 
+#include "tools/experiments/panels.hpp"
 #include "tools/experiments/work_precision.hpp"
 #include "tools/gnuplot.hpp"
 
 namespace tools {
 
 namespace {
-
-/// One mark and colour per method, the same in every figure; dark enough for print.
-struct Look {
-  const char* method;
-  const char* style;
-};
-constexpr Look kLooks[] = {
-    {"direct", "pt 5 lc rgb 'black'"},
-    {"virtual_coupling", "pt 4 lc rgb 'gray40'"},
-    {"remote_virtual_coupling", "pt 7 lc rgb '#1f5fa8'"},
-    {"interpolation", "pt 9 lc rgb '#c45a00'"},
-    {"interpolation_predicted", "pt 8 lc rgb '#a0308a'"},
-    {"local_contact", "pt 13 lc rgb '#1b7a35'"},
-};
-
-const char* style_of(const std::string& method) {
-  for (const Look& look : kLooks) {
-    if (method == look.method) return look.style;
-  }
-  return "pt 2 lc rgb 'gray50'";
-}
 
 std::vector<std::string> methods_of(const std::vector<PrecisionRow>& rows) {
   std::vector<std::string> out;
@@ -113,7 +93,7 @@ void draw_precision(Experiment& experiment, const std::string& scene, const std:
   for (const std::string& method : methods) {
     const std::string file = stem + "_" + method + ".tsv";
     write_points(experiment.folder() / file, rows, method, false);
-    figure.body += ", \\\n     " + gnuplot_quoted(file) + " using 1:2 with points ps 1.3 " + style_of(method) +
+    figure.body += ", \\\n     " + gnuplot_quoted(file) + " using 1:2 with points ps 1.3 " + method_style(method) +
                    " title " + gnuplot_quoted(method);
   }
   figure.body +=
@@ -124,7 +104,7 @@ void draw_precision(Experiment& experiment, const std::string& scene, const std:
     const std::string file = stem + "_" + method + "_rates.tsv";
     write_points(experiment.folder() / file, rows, method, true);
     figure.body += (first ? "" : ", \\\n     ") + gnuplot_quoted(file) + " using 3:2 with linespoints ps 1.3 " +
-                   style_of(method) + " notitle";
+                   method_style(method) + " notitle";
     first = false;
   }
   figure.body += "\nunset multiplot\n";

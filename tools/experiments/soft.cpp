@@ -14,9 +14,8 @@
 #include "rtbus/config/closed_surface.hpp"
 #include "rtbus/config/session.hpp"
 #include "tools/experiments/follow_session.hpp"
-#include "tools/experiments/force_profile.hpp"
+#include "tools/experiments/soft_stroke.hpp"
 #include "tools/gnuplot.hpp"
-#include "tools/harness/harness.hpp"
 #include "tools/interrupt.hpp"
 #include "tools/run_progress.hpp"
 #include "tools/still.hpp"
@@ -25,129 +24,23 @@ namespace tools {
 
 namespace {
 
-/// A force below this is no touch: encoder steps times stiffness, and the damper in free air.
-constexpr double kTouch_n = 0.05;
-// The script (config/devices/stroke_soft.csv): pressed in at 2 s, still until 3 s, stroking until 6 s. A real session
-// is followed from some tenths of a second after its start on.
-constexpr double kPressed_s = 2.2, kLifted_s = 5.5;
-constexpr double kPicture_s = 4.5;    // stroking
-constexpr double kMeanApart = 0.10;   // means this near count as equal
 constexpr double kHeld = 0.95;        // of the ticks between
 constexpr double kRateApart = 0.005;  // of the loop's rate against a bare loop's
-
-constexpr double kOffset_m = 0.05;       // of the device's origin above the floor, as in the session file
-constexpr double kYield_n_per_m = 25.0;  // about what the soft body gives to the hand: the first guess of a depth
-constexpr int kTries = 6;                // to bring the means together
 
 constexpr const char* kInterpolation = "interpolation";
 constexpr const char* kRemote = "remote_virtual_coupling";
 
-/// How fast physics is, and how stiff the coupling.
-struct Machine {
-  const char* id;
-  const char* what;
-  double throttle_hz;  ///< 0: none.
-  double stiffness_n_per_m;
-  bool compared;  ///< Interpolation vibrates here: which is smoother is checked.
-};
 /// The paper prints no gains. A light grip does not still a vibration, and at 18 Hz a coupling of 250 N/m is what
 /// interpolation goes on with, on the edge; at faster rates one of 300 N/m is calm with both methods.
 constexpr std::array kMachines{
-    Machine{"own", "unthrottled", 0.0, 300.0, false}, Machine{"100hz", "100 Hz", 100.0, 300.0, false},
-    Machine{"43hz", "43 Hz", 43.0, 300.0, false}, Machine{"18hz", "18 Hz", 18.0, 250.0, true}};
+    SoftMachine{"own", "unthrottled", 0.0, 300.0, false}, SoftMachine{"100hz", "100 Hz", 100.0, 300.0, false},
+    SoftMachine{"43hz", "43 Hz", 43.0, 300.0, false}, SoftMachine{"18hz", "18 Hz", 18.0, 250.0, true}};
 /// Calm with both methods: on a machine that is busy, what vibrates on the edge would say more about its load.
-constexpr const Machine& kRealMachine = kMachines[2];
+constexpr const SoftMachine& kRealMachine = kMachines[2];
 
-/// One stroke, as the hand felt it.
-struct Stroke {
-  std::vector<double> time_s;
-  std::vector<double> up_n;  ///< Upwards, as it left.
-  std::vector<double> norm_n;
-  std::vector<double> step_ms;  ///< Real processes: engine time.
-  double rate_hz = 1000.0;
-  double haptic_hz = 0.0, bare_hz = 0.0, wakeup_p999_us = 0.0;  ///< Real processes.
-
-  void append(const rtbus::Telemetry& tick) {
-    if (time_s.empty()) first_ns_ = tick.due_ns;
-    time_s.push_back(rtbus::seconds_between(first_ns_, tick.due_ns));
-    up_n.push_back(tick.force_n[1]);
-    norm_n.push_back(std::hypot(tick.force_n[0], tick.force_n[1], tick.force_n[2]));
-  }
-
- private:
-  std::uint64_t first_ns_ = 0;
-};
-
-/// While the script holds still, pressed in, and strokes.
-struct Figures {
-  double depth_m = 0.0;  ///< What the hand wanted beyond the script, for the sake of equal means.
-  double held = 0.0;     ///< Share of the ticks with a force.
-  double peak_n = 0.0;   ///< Of the whole stroke.
-  Roughness roughness;   ///< Of the force upwards.
-};
-
-Figures judge(const Stroke& stroke) {
-  Figures out;
-  const auto index = [&stroke](double time_s) {
-    return static_cast<std::size_t>(std::lower_bound(stroke.time_s.begin(), stroke.time_s.end(), time_s) -
-                                    stroke.time_s.begin());
-  };
-  const std::size_t begin = index(kPressed_s), end = index(kLifted_s);
-  if (begin >= end) return out;
-  const auto held = std::count_if(stroke.norm_n.begin() + static_cast<std::ptrdiff_t>(begin),
-                                  stroke.norm_n.begin() + static_cast<std::ptrdiff_t>(end),
-                                  [](double force_n) { return force_n > kTouch_n; });
-  out.held = static_cast<double>(held) / static_cast<double>(end - begin);
-  out.peak_n = *std::max_element(stroke.norm_n.begin(), stroke.norm_n.end());
-  out.roughness = roughness(std::span(stroke.up_n).subspan(begin, end - begin), stroke.rate_hz);
-  return out;
-}
-
-/// @param depth_m How much deeper than the script says the hand wants to be.
-std::vector<std::string> settings(const SoftOptions& options, const Machine& machine, const char* method,
-                                  double depth_m) {
-  char text[120];
-  std::vector<std::string> out{std::string("haptic.0.method=") + method, "haptic.0.device.hand.impedance=light"};
-  if (machine.throttle_hz > 0.0) {
-    std::snprintf(text, sizeof text, "physics.throttle_hz=%.9g", machine.throttle_hz);
-    out.emplace_back(text);
-  }
-  std::snprintf(text, sizeof text, "haptic.0.coupling.stiffness_n_per_m=%.9g", machine.stiffness_n_per_m);
-  out.emplace_back(text);
-  std::snprintf(text, sizeof text, "haptic.0.mapping.offset_m=[0,%.9g,0]", kOffset_m - depth_m);
-  out.emplace_back(text);
-  out.insert(out.end(), options.assignments.begin(), options.assignments.end());
-  return out;
-}
-
-rtbus::config::SessionConfig load(const SoftOptions& options, const std::vector<std::string>& assignments) {
-  std::vector<rtbus::config::Override> overrides;
-  for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
-  return rtbus::config::load_session(options.session_file, overrides);
-}
-
-/// @param picture Gets the frame at kPicture_s.
-Stroke stroke_in_harness(const SoftOptions& options, const std::vector<std::string>& assignments, StillFrame* picture) {
-  auto session = load(options, assignments);
-  const rtbus::config::Scene scene = session.scene;
-  Harness harness(session, {});
-  Stroke out;
-  out.rate_hz = harness.config().rate_hz;
-  rtbus::Telemetry last;
-  const auto observe = [&](const rtbus::Telemetry& tick) {
-    last = tick;
-    out.append(tick);
-  };
-  const double until_s = std::min(kPicture_s, options.duration_s);
-  harness.run(until_s, observe);
-  if (picture != nullptr) *picture = frame_of(scene, harness, std::span(&last, 1));
-  harness.run(options.duration_s - until_s, observe);
-  return out;
-}
-
-std::optional<Stroke> stroke_for_real(const SoftOptions& options, const std::vector<std::string>& assignments) {
+std::optional<SoftStroke> stroke_for_real(const SoftOptions& options, const std::vector<std::string>& assignments) {
   FollowedSession session({options.session_file, assignments, "soft", options.duration_s, /*bare_loop=*/true});
-  Stroke out;
+  SoftStroke out;
   out.rate_hz = session.plan().haptic.front().rate_hz;
   rtbus::Telemetry first, last;
   const bool ran = session.run(
@@ -173,7 +66,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-void write_stroke(const std::filesystem::path& file, const Stroke& stroke) {
+void write_stroke(const std::filesystem::path& file, const SoftStroke& stroke) {
   std::ofstream out(file);
   out << "# time [s]\tforce on the hand, upwards [N]\tforce, norm [N]\n";
   for (std::size_t i = 0; i < stroke.time_s.size(); ++i) {
@@ -243,7 +136,7 @@ void compare_meshes(const rtbus::config::Scene& scene, Experiment& experiment, T
 
 /// Both methods on one machine.
 struct Pair {
-  Figures interpolation, remote;
+  StrokeFigures interpolation, remote;
   [[nodiscard]] double mean_ratio() const { return interpolation.roughness.mean_n / remote.roughness.mean_n; }
   [[nodiscard]] double increments_ratio() const {
     return interpolation.roughness.increment_rms_n / remote.roughness.increment_rms_n;
@@ -260,7 +153,7 @@ void check_pair(const std::string& id, const std::string& what, bool compared, c
   experiment.check_at_least(id + ".remote.held", what + ": remote coupling keeps contact", pair.remote.held, "1",
                             kHeld);
   experiment.check_between(id + ".mean", what + ": mean force, interpolation / remote", pair.mean_ratio(), "1",
-                           1.0 - kMeanApart, 1.0 + kMeanApart);
+                           1.0 - kEqualStrokes, 1.0 + kEqualStrokes);
   if (!compared) return;
   experiment.check_at_least(id + ".increments", what + ": changes per 1 ms, interpolation / remote",
                             pair.increments_ratio(), "1", 1.0);
@@ -268,7 +161,7 @@ void check_pair(const std::string& id, const std::string& what, bool compared, c
                             pair.vibration_ratio(), "1", 1.0);
 }
 
-void add_row(Table& table, const std::string& where, const char* method, const Figures& figures) {
+void add_row(Table& table, const std::string& where, const char* method, const StrokeFigures& figures) {
   table.rows.push_back({where, std::string(method), 1e3 * figures.depth_m, figures.roughness.mean_n, figures.peak_n,
                         1e3 * figures.roughness.increment_rms_n, 1e3 * std::sqrt(figures.roughness.power_above_30hz_n2),
                         100.0 * figures.held});
@@ -283,39 +176,33 @@ void evaluate_soft(const SoftOptions& options, Experiment& experiment) {
               {"physics", "method", "deeper by [mm]", "mean [N]", "peak [N]", "changes per 1 ms, RMS [mN]",
                "above 30 Hz, RMS [mN]", "in contact [%]"},
               {}};
-  const rtbus::config::Scene scene = load(options, options.assignments).scene;
+  const rtbus::config::Scene scene = load_stroke(options, options.assignments).scene;
   compare_meshes(scene, experiment, compared);
 
   std::vector<StillFrame> pictures;
   double share = 0.0;
   std::string ratios;
   double real_depth_m = 0.0;  // of remote coupling at kRealMachine
-  for (const Machine& machine : kMachines) {
+  for (const SoftMachine& machine : kMachines) {
     Pair pair;
     progress.show_share(share, std::string(machine.what) + ", interpolation, harness");
-    const Stroke interpolation = stroke_in_harness(options, settings(options, machine, kInterpolation, 0.0), nullptr);
-    pair.interpolation = judge(interpolation);
+    const SoftStroke interpolation = stroke_in_harness(options, stroke_settings(options, machine, kInterpolation, 0.0), nullptr);
+    pair.interpolation = judge_stroke(interpolation);
     // Means are made equal at the one that does not vibrate: its mean follows the hand's depth.
     StillFrame picture;
     const bool wanted = &machine == &kMachines[2];
-    Stroke remote;
-    double depth_m = 0.0;
-    for (int attempt = 0; attempt < kTries; ++attempt) {
-      if (interrupted()) return;
-      progress.show_share(share + 0.1, std::string(machine.what) + ", remote coupling, harness");
-      remote = stroke_in_harness(options, settings(options, machine, kRemote, depth_m), wanted ? &picture : nullptr);
-      pair.remote = judge(remote);
-      pair.remote.depth_m = depth_m;
-      const double missing_n = pair.interpolation.roughness.mean_n - pair.remote.roughness.mean_n;
-      if (std::abs(missing_n) < 0.9 * kMeanApart * pair.remote.roughness.mean_n) break;
-      if (attempt + 1 < kTries) depth_m = std::clamp(depth_m + missing_n / kYield_n_per_m, -0.016, 0.016);
-    }
+    if (interrupted()) return;
+    progress.show_share(share + 0.1, std::string(machine.what) + ", remote coupling, harness");
+    StrokeAtMean equal = stroke_at_mean(options, machine, kRemote, pair.interpolation.roughness.mean_n,
+                                        wanted ? &picture : nullptr);
+    const SoftStroke remote = std::move(equal.stroke);
+    pair.remote = equal.figures;
     if (wanted) {
       picture.stem = "soft_fig17";
       pictures.push_back(picture);
     }
     share += 0.2;
-    if (&machine == &kRealMachine) real_depth_m = depth_m;
+    if (&machine == &kRealMachine) real_depth_m = pair.remote.depth_m;
     const std::string id = std::string("soft.") + machine.id;
     const std::string stem = std::string("soft_") + machine.id;
     write_stroke(experiment.folder() / (stem + "_" + kInterpolation + ".tsv"), interpolation);
@@ -346,9 +233,9 @@ void evaluate_soft(const SoftOptions& options, Experiment& experiment) {
       const char* method = remote ? kRemote : kInterpolation;
       progress.show_share(0.99, std::string(method) + ", real processes, run " + std::to_string(run + 1));
       const auto stroke =
-          stroke_for_real(options, settings(options, kRealMachine, method, remote ? real_depth_m : 0.0));
+          stroke_for_real(options, stroke_settings(options, kRealMachine, method, remote ? real_depth_m : 0.0));
       if (!stroke) continue;
-      const Figures figures = judge(*stroke);
+      const StrokeFigures figures = judge_stroke(*stroke);
       if (run == 0) write_stroke(experiment.folder() / (std::string("soft_real_") + method + ".tsv"), *stroke);
       peak_n = std::max(peak_n, figures.peak_n);
       means[remote].push_back(figures.roughness.mean_n);
@@ -371,7 +258,7 @@ void evaluate_soft(const SoftOptions& options, Experiment& experiment) {
                                1.0 - kRateApart, 1.0 + kRateApart);
     }
     experiment.check_between("soft.real.mean", where + "mean force, interpolation / remote",
-                             median(means[false]) / median(means[true]), "1", 1.0 - kMeanApart, 1.0 + kMeanApart);
+                             median(means[false]) / median(means[true]), "1", 1.0 - kEqualStrokes, 1.0 + kEqualStrokes);
     if (kRealMachine.compared) {
       experiment.check_at_least("soft.real.increments", where + "changes per 1 ms, interpolation / remote",
                                 median(increments[false]) / median(increments[true]), "1", 1.0);

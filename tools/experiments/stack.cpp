@@ -278,21 +278,31 @@ StackPair compare_at_equal_mean(const StackOptions& options, const StackCell& ce
       stack_setup(options, cell, "interpolation", kStackHand_n_per_m, StackOptions::kShortPush_s);
   pair.interpolation_trace = push_in_harness(interpolation, link);
   pair.interpolation = judge_push(pair.interpolation_trace, interpolation.gap_mm);
+  PushAtMean equal = push_at_mean(options, cell, "remote_virtual_coupling", pair.interpolation.roughness.mean_n, link);
+  pair.remote_trace = std::move(equal.trace);
+  pair.remote = equal.figures;
+  pair.remote_same_hand = equal.first;
+  pair.hand_remote_n_per_m = equal.hand_n_per_m;
+  return pair;
+}
+
+PushAtMean push_at_mean(const StackOptions& options, const StackCell& cell, const char* method, double mean_n,
+                        const HarnessOptions& link) {
   constexpr int kTries = 5;
+  PushAtMean out;
   std::vector<std::array<double, 2>> hand_and_mean;
   for (int attempt = 1; attempt <= kTries && !interrupted(); ++attempt) {
-    const PushSetup remote =
-        stack_setup(options, cell, "remote_virtual_coupling", pair.hand_remote_n_per_m, StackOptions::kShortPush_s);
-    pair.remote_trace = push_in_harness(remote, link);
-    pair.remote = judge_push(pair.remote_trace, remote.gap_mm);
-    if (attempt == 1) pair.remote_same_hand = pair.remote;
-    const double mean = pair.mean_ratio();
+    const PushSetup setup = stack_setup(options, cell, method, out.hand_n_per_m, StackOptions::kShortPush_s);
+    out.trace = push_in_harness(setup, link);
+    out.figures = judge_push(out.trace, setup.gap_mm);
+    if (attempt == 1) out.first = out.figures;
+    const double share = ratio(out.figures.roughness.mean_n, mean_n);
     // A hand that is not led to the stack, or a method that only shakes, leaves nothing to go by.
-    if (attempt == kTries || !(mean > 0.0) || std::abs(mean - 1.0) <= kEqualMean) break;
-    hand_and_mean.push_back({pair.hand_remote_n_per_m, pair.remote.roughness.mean_n});
-    pair.hand_remote_n_per_m = hand_for(pair.interpolation.roughness.mean_n, cell.stiffness_n_per_m, hand_and_mean);
+    if (attempt == kTries || !(share > 0.0) || std::abs(share - 1.0) <= kEqualMean) break;
+    hand_and_mean.push_back({out.hand_n_per_m, out.figures.roughness.mean_n});
+    out.hand_n_per_m = hand_for(mean_n, cell.stiffness_n_per_m, hand_and_mean);
   }
-  return pair;
+  return out;
 }
 
 void evaluate_stack(const StackOptions& options, Experiment& experiment) {

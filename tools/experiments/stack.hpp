@@ -67,9 +67,19 @@ struct StackPair {
 /// Means within this share of each other are called equal.
 inline constexpr double kEqualMean = 0.10;
 
-/// Runs interpolation, then remote coupling, both for the short push: in 20 s an interpolation that vibrates over the
-/// pipe leaves the stack for good, and no mean is left to be equal to. As long as their mean forces differ by more than
-/// kEqualMean, the hand of the remote coupling pushes the harder or softer, four times at most.
+/// The push whose mean force is `mean_n` within kEqualMean: as long as it is not, the hand pushes the harder or softer,
+/// four times at most.
+struct PushAtMean {
+  PushTrace trace;
+  PushFigures figures;
+  PushFigures first;  ///< With kStackHand_n_per_m.
+  double hand_n_per_m = kStackHand_n_per_m;
+};
+[[nodiscard]] PushAtMean push_at_mean(const StackOptions& options, const StackCell& cell, const char* method,
+                                      double mean_n, const HarnessOptions& link);
+
+/// Runs interpolation, then remote coupling at its mean force, both for the short push: in 20 s an interpolation that
+/// vibrates over the pipe leaves the stack for good, and no mean is left to be equal to.
 [[nodiscard]] StackPair compare_at_equal_mean(const StackOptions& options, const StackCell& cell);
 
 /// Runs all of it, draws it, and checks it.

@@ -103,15 +103,6 @@ double converge(const PrecisionScene& base, const PrecisionCell& cell, const Ref
   return order;
 }
 
-/// The loop without latency and nearly without sampling: what `sphere` and `block` are measured against. A proxy of one
-/// gram: the limit of all methods, whose proxies weigh what they weigh.
-PrecisionTrace nearly_continuous(const PrecisionScene& base, double rate) {
-  PrecisionScene scene = base;
-  for (const std::string& text : fine_velocity(rate)) scene.assignments.push_back(text);
-  scene.assignments.emplace_back("haptic.0.proxy.mass_kg=0.001");
-  return run_precisely(scene, {"remote_virtual_coupling", rate, rate, rate, 0, false});
-}
-
 /// The finest of a series of doubled rates, and how the differences between neighbours shrink.
 PrecisionTrace converged(const PrecisionScene& scene, Experiment& experiment, Table& table) {
   PrecisionTrace finest;
@@ -199,6 +190,13 @@ void compare(const PrecisionScene& scene, const Reference& reference, const Work
 }
 
 }  // namespace
+
+PrecisionTrace nearly_continuous(const PrecisionScene& base, double rate_hz) {
+  PrecisionScene scene = base;
+  for (const std::string& text : fine_velocity(rate_hz)) scene.assignments.push_back(text);
+  scene.assignments.emplace_back("haptic.0.proxy.mass_kg=0.001");
+  return run_precisely(scene, {"remote_virtual_coupling", rate_hz, rate_hz, rate_hz, 0, false});
+}
 
 std::vector<std::size_t> pareto_front(const std::vector<PrecisionRow>& rows) {
   std::vector<std::size_t> order(rows.size());

@@ -39,6 +39,10 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
 [[nodiscard]] Reference wall_reference(const PrecisionScene& scene);
 [[nodiscard]] Reference drop_reference(const PrecisionScene& scene);
 
+/// The loop without latency and nearly without sampling: what `sphere` and `block` are measured against. A proxy of one
+/// gram: the limit of all methods, whose proxies weigh what they weigh.
+[[nodiscard]] PrecisionTrace nearly_continuous(const PrecisionScene& scene, double rate_hz);
+
 /// Writes NAME.tsv of a scene's rows and draws error over cost with the Pareto front into the experiment's folder.
 /// @param what Of the title, after the scene.
 void draw_precision(Experiment& experiment, const std::string& scene, const std::string& what,

@@ -8,6 +8,7 @@
 
 #include <BulletSoftBody/btSoftBody.h>
 
+#include "physics_node/bullet/soft/soft_patch.hpp"
 #include "physics_node/bullet/units.hpp"
 #include "rtbus/config/soft_body.hpp"
 
@@ -31,6 +32,9 @@ class MadeSoftBody {
   /// Coefficients and forces for a step of `h` seconds.
   void before_step(double h);
 
+  /// A force on a patch for the next step, on its nodes by their shares; on all of them when there is no patch.
+  void push(const SoftPatch& patch, const Eigen::Vector3d& force_n);
+
   /// False when a node is not finite or farther than `kMaxUnits` away, or the body is inside out.
   [[nodiscard]] bool sound() const;
 
@@ -40,6 +44,7 @@ class MadeSoftBody {
   /// What of the settings a step of `h` seconds cannot carry; empty: nothing.
   [[nodiscard]] std::string complaint(double h) const;
 
+  [[nodiscard]] const RestShape& rest() const noexcept { return rest_; }
   [[nodiscard]] btSoftBody& soft() noexcept { return *soft_; }
   [[nodiscard]] const btSoftBody& soft() const noexcept { return *soft_; }
   [[nodiscard]] const rtbus::config::SoftBody& body() const noexcept { return body_; }
@@ -62,6 +67,7 @@ class MadeSoftBody {
   double step_s_ = 0.0;   // of the coefficients
   double carried_ = 1.0;  // share of pressure and bulk modulus that the step carries
   std::vector<std::array<int, 3>> faces_;
+  RestShape rest_;
   std::unique_ptr<btSoftBody> soft_;
 };
 

@@ -54,6 +54,7 @@ SoftWorld::~SoftWorld() {
 void SoftWorld::before_dynamics(double h) {
   h_ = h;
   for (const auto& body : bodies_) body->before_step(h);
+  push_patches();
 }
 
 void SoftWorld::collide() {
@@ -159,6 +160,7 @@ void SoftWorld::after_dynamics(double h) {
     body->put_back();
     ++recoveries_;
   }
+  follow_patches(h);
 }
 
 Vector3d SoftWorld::soft_node(std::size_t node) const { return from_bullet(nodes_.at(node)->m_x, scale()); }

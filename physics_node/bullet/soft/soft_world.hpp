@@ -9,6 +9,8 @@
 #include "physics_node/bullet/nearest.hpp"
 #include "physics_node/bullet/soft/soft_dynamics.hpp"
 #include "physics_node/bullet/soft/soft_made.hpp"
+#include "physics_node/bullet/soft/soft_patch.hpp"
+#include "physics_node/bullet/soft/soft_probe.hpp"
 
 namespace physics::bullet {
 
@@ -20,6 +22,10 @@ namespace physics::bullet {
 /// contacts, which push the rigid bodies. A proxy has been moved by then: it is moved on by what its contacts with soft
 /// bodies changed of its velocity, so that it stands where the nodes have made room for it.
 ///
+/// A proxy that somebody else moves meets no nodes. contacts() tells, after the rigid bodies and numbered after them, of
+/// each soft body near it one patch of nodes (SoftPatch) as a contact behind a compliance, and push_body() puts what the
+/// hand has felt onto the nodes of that patch.
+///
 /// Whatever the settings, numbers stay finite: links, pose matching and contacts move nodes by a share of what is
 /// wrong, the explicit pressure is lowered to what the step carries, and a body that is unsound all the same is put
 /// back.
@@ -28,6 +34,8 @@ class SoftWorld final : public BulletWorld {
   SoftWorld(const rtbus::config::Scene& scene, const EngineSettings& settings);
   ~SoftWorld() override;
 
+  void push_body(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
+                 const Eigen::Vector3d& torque_n_m) override;
   [[nodiscard]] std::size_t soft_nodes() const noexcept override { return nodes_.size(); }
   [[nodiscard]] Eigen::Vector3d soft_node(std::size_t node) const override;
   [[nodiscard]] std::uint64_t recoveries() const noexcept override { return recoveries_; }
@@ -38,11 +46,26 @@ class SoftWorld final : public BulletWorld {
   [[nodiscard]] std::vector<std::string> warnings(double longest_step_s) const override;
 
  private:
+  /// One placed proxy and one soft body.
+  struct Followed {
+    SoftPatch patch;
+    Eigen::Vector3d asked_n = Eigen::Vector3d::Zero();   ///< For the next step …
+    Eigen::Vector3d pushed_n = Eigen::Vector3d::Zero();  ///< … and in the last one.
+    double compliance_m_per_n = 0.0;                     ///< 0: not measured yet.
+    bool probed = false;                                 ///< The body's probe is on this patch.
+  };
+  using Probe = std::unique_ptr<SoftProbe>;
   void before_dynamics(double h) override;
   void after_dynamics(double h) override;
   void collide();
   void collide_with_body(btSoftBody& soft, const SceneBody& body, double hardness);
   void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness);
+  void collide_with_fixed(btSoftBody& copy, const MadeSoftBody& made);
+  [[nodiscard]] PatchBall ball_of(const BulletProxy& proxy, const MadeSoftBody& made) const;
+  [[nodiscard]] Followed& follow(std::size_t proxy, std::size_t soft);
+  void push_patches();
+  void follow_patches(double h);
+  void add_more_contacts(std::size_t index, double radius_m, ContactSet& out) const override;
   void note_velocities();
   void add_contact(btSoftBody& soft, btSoftBody::Node& node, btRigidBody& rigid, const Eigen::Vector3d& normal,
                    double gap, double hardness);
@@ -51,6 +74,8 @@ class SoftWorld final : public BulletWorld {
   std::vector<std::unique_ptr<MadeSoftBody>> bodies_;
   std::vector<const btSoftBody::Node*> nodes_;  // of all bodies, in order
   std::vector<btVector3> velocities_;           // of the proxies, with which they were moved
+  std::vector<Followed> followed_;              // by proxy, then by body; empty until a proxy is placed
+  std::vector<Probe> probes_;                   // of each body, made when a placed proxy first comes near
   std::vector<NearPoint> near_;                 // kept for its memory
   double h_ = 1e-3;
   std::uint64_t recoveries_ = 0;
