@@ -89,6 +89,13 @@ TEST(StabilityCase, FindsThatThePublishedInterpolationDiverges) {
   EXPECT_EQ(result.above_limit, 0u);
 }
 
+// Nor one that never says "growing": this one, on the edge of what a law as published can do, grows for twelve seconds.
+TEST(StabilityCase, FindsAnOscillationThatGrows) {
+  const StabilityResult result = tools::run_case(tools::draw_case(10'015'229), kSession, {});
+  EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << result.error;
+  EXPECT_TRUE(result.growing);
+}
+
 TEST(StabilityCase, ReportsAStiffnessThatIsLowered) {
   tools::StabilityCase each;
   each.stiffness_n_per_m = 2000.0;
