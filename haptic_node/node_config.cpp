@@ -168,17 +168,17 @@ void read_realtime(Map& entry, HapticConfig& out) {
   map->finish();
 }
 
-/// The two that are made for a slow physics, as improved.
-bool slow_link(const RendererEntry& method, const HapticConfig& config) {
-  return (method.books_world || method.needs_contacts) && !config.wire.paper;
-}
-
 /// Of the steps of physics, as the session declares them.
 double physics_hz(rtbus::config::SessionConfig& session) {
   if (!session.physics) return 0.0;
   const double rate_hz = session.physics->number("rate_hz", {1.0, 20000.0}, 1000.0);
   return session.physics->has("throttle_hz") ? std::min(rate_hz, session.physics->number("throttle_hz", {0.5, 1000.0}))
                                              : rate_hz;
+}
+
+/// Of the two that are made for it, as improved: does the loop damp against something slower than itself?
+bool slow_link(const RendererEntry& method, const HapticConfig& config, double physics_rate_hz) {
+  return (method.books_world || method.needs_contacts) && !config.wire.paper && physics_rate_hz < config.rate_hz;
 }
 
 /// Without it the set-point of a slow physics, which moves in straight lines, rings the tip at each corner.
@@ -246,8 +246,9 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
 
   read_method(entry, *method, out);
 
-  out.velocity.adaptive = entry.choice("velocity_estimator", {"low_pass", "adaptive_window"},
-                                       slow_link(*method, out) ? "adaptive_window" : "low_pass") == "adaptive_window";
+  out.velocity.adaptive =
+      entry.choice("velocity_estimator", {"low_pass", "adaptive_window"},
+                   slow_link(*method, out, physics_hz(session)) ? "adaptive_window" : "low_pass") == "adaptive_window";
   out.velocity.quantum_m = device.position_quantum_m;
   out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
   out.velocity.cutoff_hz = out.velocity_cutoff_hz;
