@@ -28,8 +28,8 @@ enum class StabilityHand : std::uint8_t { kNone, kSoft, kStiff };
 
 enum class StabilityShape : std::uint8_t { kPlane, kSphere, kBox };
 
-/// The declared envelope: within it the default method has no diverged case, nor has the other that is made for slow
-/// physics. docs/results.md says the same in words.
+/// The declared envelope: within it the default method has no diverged case; the other that is made for slow physics is
+/// drawn there too. docs/results.md says the same in words.
 struct StabilityEnvelope {
   static constexpr const char* kMethod = "remote_virtual_coupling";
   static constexpr const char* kOtherMethod = "local_contact";

@@ -90,22 +90,34 @@ void write_row(std::ofstream& tsv, const StabilityCase& c, const StabilityResult
       << r.passivity << '\t' << r.cpu_s << '\t' << r.error << '\n';
 }
 
-/// The bars: in the envelope nothing diverges and the ledger holds, outside nothing grows, for `method`.
-void check_method(const Groups& groups, const std::string& method, const std::string& id, Experiment& experiment) {
+/// The bars: in the envelope nothing diverges and the ledger holds, outside nothing grows, for the default method.
+void check_default(const Groups& groups, Experiment& experiment) {
+  const std::string method = StabilityEnvelope::kMethod;
   const Group envelope = group(groups, "in the envelope, `" + method + "`");
   const Group outside = group(groups, "outside, `" + method + "`");
-  const auto bar = [&](const char* what_id, const std::string& what, double value, const char* unit, double high) {
-    experiment.check_at_most("stability." + id + what_id, what + ", " + method, value, unit, high);
-  };
-  experiment.check_at_least("stability." + id + "envelope.cases", "cases in the envelope, " + method,
-                            static_cast<double>(envelope.cases), "", 1.0);
-  bar("envelope.diverged", "diverged in the envelope", envelope.count(StabilityOutcome::kDiverged), "cases", 0.0);
-  bar("envelope.ledger", "ledger below -(0.5 mJ + |F||dx|) in the envelope", static_cast<double>(envelope.below_bar),
-      "cases", 0.0);
-  bar("envelope.debt", "longest debt beyond 0.5 mJ in the envelope", envelope.longest_debt_s * 1e3, "ms",
-      kDebtBarS * 1e3);
-  bar("outside.growing", "oscillations that grow outside", static_cast<double>(outside.growing), "cases", 0.0);
-  bar("outside.debt_growth", "debts that grow outside", static_cast<double>(outside.growing_debt), "cases", 0.0);
+  experiment.check_at_least("stability.envelope.cases", "cases in the envelope", static_cast<double>(envelope.cases),
+                            "", 1.0);
+  experiment.check_at_most("stability.envelope.diverged", "diverged in the envelope",
+                           envelope.count(StabilityOutcome::kDiverged), "cases", 0.0);
+  experiment.check_at_most("stability.envelope.ledger", "ledger below -(0.5 mJ + |F||dx|) in the envelope",
+                           static_cast<double>(envelope.below_bar), "cases", 0.0);
+  experiment.check_at_most("stability.envelope.debt", "longest debt beyond 0.5 mJ in the envelope",
+                           envelope.longest_debt_s * 1e3, "ms", kDebtBarS * 1e3);
+  experiment.check_at_most("stability.outside.growing", "oscillations that grow outside, default method",
+                           static_cast<double>(outside.growing), "cases", 0.0);
+  experiment.check_at_most("stability.outside.debt_growth", "debts that grow outside, default method",
+                           static_cast<double>(outside.growing_debt), "cases", 0.0);
+}
+
+/// What is no bar while it is not the default.
+void tell_other(const Groups& groups, Experiment& experiment) {
+  const std::string method = StabilityEnvelope::kOtherMethod;
+  const Group envelope = group(groups, "in the envelope, `" + method + "`");
+  const Group outside = group(groups, "outside, `" + method + "`");
+  experiment.note(method + ", no bar while it is not the default: " +
+                  std::to_string(static_cast<int>(envelope.count(StabilityOutcome::kDiverged))) + " of " +
+                  std::to_string(envelope.cases) + " diverged in the envelope, " + std::to_string(outside.growing) +
+                  " of " + std::to_string(outside.cases) + " grow outside");
 }
 
 void check(const Groups& groups, Experiment& experiment) {
@@ -118,8 +130,8 @@ void check(const Groups& groups, Experiment& experiment) {
   }
   experiment.check_at_most("stability.failed", "not finite or above the limit in any tick, all methods", failed,
                            "cases", 0.0);
-  check_method(groups, StabilityEnvelope::kMethod, "", experiment);
-  check_method(groups, StabilityEnvelope::kOtherMethod, "local_contact.", experiment);
+  check_default(groups, experiment);
+  tell_other(groups, experiment);
   // A sweep in which nothing diverges would not have looked.
   if (published > 0.0) {
     experiment.check_at_least("stability.paper.diverged", "diverged with the methods as published", diverged, "cases",
