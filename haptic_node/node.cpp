@@ -160,6 +160,10 @@ rtbus::Result<void, NodeFault> Node::start() {
     spdlog::warn("{}: requested damping {:g} N s/m lowered to {:g} N s/m, what {} carries at {:g} Hz", config_.name,
                  config_.damping_requested_n_s_per_m, config_.damping_n_s_per_m, device.model, config_.rate_hz);
   }
+  if (config_.damping_n_s_per_m > config_.damping_requested_n_s_per_m) {
+    spdlog::info("{}: requested damping {:g} N s/m raised to {:g} N s/m, a tenth of critical: less would ring on {}",
+                 config_.name, config_.damping_requested_n_s_per_m, config_.damping_n_s_per_m, config_.method);
+  }
   if (const double passive = std::max(0.0, config_.passive_stiffness_n_per_m()); config_.stiffness_n_per_m > passive) {
     spdlog::info(
         "{}: the device's own viscous damping makes a sampled wall passive up to {:g} N/m = 2(b - |B|)/T; beyond it "
@@ -303,6 +307,8 @@ void Node::house_thread() noexcept {
   info.force_limit_n = config_.safety.max_force_n;
   info.stiffness_requested_n_per_m = config_.stiffness_requested_n_per_m;
   info.stiffness_rendered_n_per_m = config_.stiffness_n_per_m;
+  info.damping_requested_n_s_per_m = config_.damping_requested_n_s_per_m;
+  info.damping_rendered_n_s_per_m = config_.damping_n_s_per_m;
   info.core = static_cast<std::uint32_t>(grant_.core);
 
   rtbus::Heartbeat beat;

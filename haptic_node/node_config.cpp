@@ -20,6 +20,13 @@ constexpr double kSlewHandSpeed_m_s = 0.6;
 constexpr double kStiffnessPerMassRate2 = 0.1;
 /// A sampled damper is stable for B·T < 2m without a filter; the velocity filter adds its own delay 1/(2π·cutoff).
 constexpr double kDampingPerMassRate = 0.25;
+/// The coupling has a fifth: one encoder step of a tip at rest then makes less than 0.05 N on the stiffest spring of a
+/// Desktop.
+constexpr double kCouplingDampingPerMassRate = 0.2;
+/// Least damping ratio ζ of the tip on a coupling whose other end follows slowly. The corners of the set-point's line,
+/// one per period T of physics, reach the tip's own frequency f with sinc²(π·f·T) of their size and are amplified there
+/// by 1/(2ζ): with this they stay smaller than what made them wherever 1/T is below 1.5·f (decision 0009).
+constexpr double kLeastDampingRatio = 0.1, kSlowPhysics = 1.5;
 /// What the passivity damper may make of one encoder step.
 constexpr double kDamperNoise_n = 0.05;
 /// More shapes than these cost `direct` more than some microseconds in a tick.
@@ -100,8 +107,8 @@ void read_safety(Map& entry, HapticConfig& out) {
   // A tenth of m/T: the injected damper stays well inside its own sampled-data limit (2m/T) and its noise small.
   // One encoder step must not make more of it than anybody feels.
   const double noise_m_s = device.position_quantum_m * 2.0 * std::numbers::pi * out.velocity_cutoff_hz;
-  passivity.damping_max_n_s_per_m = std::min(0.1 * device.apparent_mass_kg * out.rate_hz,
-                                             kDamperNoise_n / std::max(noise_m_s, 1e-9));
+  passivity.damping_max_n_s_per_m =
+      std::min(0.1 * device.apparent_mass_kg * out.rate_hz, kDamperNoise_n / std::max(noise_m_s, 1e-9));
   passivity.stiffness_n_per_m = out.stiffness_n_per_m;
   passivity.books_world = find_renderer(out.method)->books_world;
   passivity.noise_speed_m_s = 2.0 * noise_m_s;
@@ -161,6 +168,28 @@ void read_realtime(Map& entry, HapticConfig& out) {
   map->finish();
 }
 
+/// Of the steps of physics, as the session declares them.
+double physics_hz(rtbus::config::SessionConfig& session) {
+  if (!session.physics) return 0.0;
+  const double rate_hz = session.physics->number("rate_hz", {1.0, 20000.0}, 1000.0);
+  return session.physics->has("throttle_hz") ? std::min(rate_hz, session.physics->number("throttle_hz", {0.5, 1000.0}))
+                                             : rate_hz;
+}
+
+/// Of the two that are made for it, as improved: does the loop damp against something slower than itself?
+bool slow_link(const RendererEntry& method, const HapticConfig& config, double physics_rate_hz) {
+  return (method.books_world || method.needs_contacts) && !config.wire.paper && physics_rate_hz < config.rate_hz;
+}
+
+/// Without it the set-point of a slow physics, which moves in straight lines, rings the tip at each corner.
+double damping_floor_n_s_per_m(const RendererEntry& method, const HapticConfig& config, double physics_rate_hz) {
+  if (!method.books_world || config.wire.paper) return 0.0;
+  const double mass_kg = config.device->info().apparent_mass_kg;
+  const double own_hz = std::sqrt(config.stiffness_n_per_m / mass_kg) / (2.0 * std::numbers::pi);
+  if (physics_rate_hz >= kSlowPhysics * own_hz) return 0.0;
+  return 2.0 * kLeastDampingRatio * std::sqrt(config.stiffness_n_per_m * mass_kg);
+}
+
 }  // namespace
 
 std::uint64_t HapticConfig::period_ns() const noexcept {
@@ -215,7 +244,8 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   read_method(entry, *method, out);
 
   out.velocity.adaptive =
-      entry.choice("velocity_estimator", {"low_pass", "adaptive_window"}, "low_pass") == "adaptive_window";
+      entry.choice("velocity_estimator", {"low_pass", "adaptive_window"},
+                   slow_link(*method, out, physics_hz(session)) ? "adaptive_window" : "low_pass") == "adaptive_window";
   out.velocity.quantum_m = device.position_quantum_m;
   out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
   out.velocity.cutoff_hz = out.velocity_cutoff_hz;
@@ -227,9 +257,10 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   out.stiffness_n_per_m = std::min({out.stiffness_requested_n_per_m, device.max_stiffness_n_per_m,
                                     kStiffnessPerMassRate2 * device.apparent_mass_kg * out.rate_hz * out.rate_hz,
                                     device.max_slew_n_per_ms * 1e3 / (2.0 * kSlewHandSpeed_m_s)});
-  out.damping_n_s_per_m = std::min(out.damping_requested_n_s_per_m,
-                                   kDampingPerMassRate * device.apparent_mass_kg *
-                                       std::min(out.rate_hz, 2.0 * std::numbers::pi * out.velocity_cutoff_hz));
+  out.damping_n_s_per_m =
+      std::min(std::max(out.damping_requested_n_s_per_m, damping_floor_n_s_per_m(*method, out, physics_hz(session))),
+               kCouplingDampingPerMassRate * device.apparent_mass_kg *
+                   std::min(out.rate_hz, 2.0 * std::numbers::pi * out.velocity_cutoff_hz));
 
   read_mapping(entry, out);
   if (entry.has("enable_button")) out.enable_button = static_cast<int>(entry.integer("enable_button", 0, 31, 0));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "rtbus/clock.hpp"
@@ -34,17 +35,16 @@ double VelocityEstimator::window_velocity(int axis) const noexcept {
   // Each sample is off by half a step at most; so is the line through two of them.
   const double band_m = config_.quantum_m * (1.0 + 1e-9);
   double slope = 0.0;
+  // Slopes of the lines through the newest sample that pass all those in between.
+  double lowest = -std::numeric_limits<double>::infinity(), highest = -lowest;
   for (std::size_t n = 1; n < kept_; ++n) {
-    const Sample& end = back(n);
-    const double candidate =
-        (now.position_m[axis] - end.position_m[axis]) / rtbus::seconds_between(end.time_ns, now.time_ns);
-    bool fits = true;
-    for (std::size_t i = 1; i < n && fits; ++i) {
-      const double line_m = now.position_m[axis] - candidate * rtbus::seconds_between(back(i).time_ns, now.time_ns);
-      fits = std::abs(back(i).position_m[axis] - line_m) <= band_m;
-    }
-    if (!fits) break;
+    const double age_s = rtbus::seconds_between(back(n).time_ns, now.time_ns);
+    const double way_m = now.position_m[axis] - back(n).position_m[axis];
+    const double candidate = way_m / age_s;
+    if (candidate < lowest || candidate > highest) break;
     slope = candidate;
+    lowest = std::max(lowest, (way_m - band_m) / age_s);
+    highest = std::min(highest, (way_m + band_m) / age_s);
   }
   return slope;
 }

@@ -137,7 +137,8 @@ void Stepper::release(std::size_t proxy) {
 double Stepper::contact_radius_m(std::size_t proxy) const {
   const Link& link = links_.at(proxy);
   const double speed_m_s = std::max({world_->proxy(proxy).velocity_m_s.norm(), link.target.velocity_m_s.norm(),
-                                     kHandSpeed_m_s * link.position_scale});
+                                     kHandSpeed_m_s * link.position_scale}) +
+                           kFall_m_s2 * link.position_scale * step_s_;
   return std::max(kRestRadius_m * link.position_scale, 2.0 * step_s_ * speed_m_s);
 }
 

@@ -67,9 +67,9 @@ class Stepper {
   /// that is 0, contact_radius_m(). Changes nothing.
   void contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out);
 
-  /// As far as the proxy may come in two steps, for the next answer takes that long to be in use: at its own speed, at
-  /// its target's, or at kHandSpeed_m_s of the device, whichever is largest; and kRestRadius_m of the device at least.
-  static constexpr double kHandSpeed_m_s = 0.2;
+  /// As far as the proxy may come in two steps (the next answer takes that long to be in use): at its own speed, its
+  /// target's or kHandSpeed_m_s of the device, whichever is largest, and falling; kRestRadius_m of the device at least.
+  static constexpr double kHandSpeed_m_s = 0.2, kFall_m_s2 = 9.81;
   static constexpr double kRestRadius_m = 1e-3;
   [[nodiscard]] double contact_radius_m(std::size_t proxy) const;
 

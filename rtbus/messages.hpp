@@ -98,6 +98,8 @@ struct NodeInfo {
   double force_limit_n = 0.0;
   double stiffness_requested_n_per_m = 0.0;
   double stiffness_rendered_n_per_m = 0.0;  ///< After the device's and rate's limit.
+  double damping_requested_n_s_per_m = 0.0;
+  double damping_rendered_n_s_per_m = 0.0;  ///< After what device and rate carry, and what the method needs.
   std::uint32_t core = 0;                   ///< CPU number, or 0xffffffff when not pinned.
   std::uint32_t bodies = 0;
 };
@@ -271,6 +273,8 @@ struct SampleTraits<NodeInfo> {
                                       RTBUS_FIELD(T, force_limit_n, "N"),
                                       RTBUS_FIELD(T, stiffness_requested_n_per_m, "N/m"),
                                       RTBUS_FIELD(T, stiffness_rendered_n_per_m, "N/m"),
+                                      RTBUS_FIELD(T, damping_requested_n_s_per_m, "N.s/m"),
+                                      RTBUS_FIELD(T, damping_rendered_n_s_per_m, "N.s/m"),
                                       RTBUS_FIELD(T, core, "1"),
                                       RTBUS_FIELD(T, bodies, "1")};
 };
@@ -382,7 +386,7 @@ struct SampleTraits<PlantState> {
 static_assert(sizeof(DeviceState) == 544 && Sample<DeviceState>);
 static_assert(sizeof(ProxyState) == 224 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
-static_assert(sizeof(NodeInfo) == 536 && Sample<NodeInfo>);
+static_assert(sizeof(NodeInfo) == 552 && Sample<NodeInfo>);
 static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);
 static_assert(sizeof(Telemetry) == 240 && Sample<Telemetry>);
 static_assert(sizeof(StepStats) == 88 && Sample<StepStats>);

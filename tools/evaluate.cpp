@@ -11,8 +11,10 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,9 +46,11 @@ struct EvaluateOptions {
   bool quick = false;
   bool json = false;
   // Of stability alone:
-  std::uint64_t seed = 1;
+  std::uint64_t seed = kSecondGeneration + 1;
   std::size_t cases = 0;  ///< 0: the experiment's own number.
   int jobs = 0;           ///< 0: one per core.
+  bool no_maps = false;
+  std::string seeds;  ///< A file with one number at the beginning of each line.
   std::optional<std::uint64_t> one_case;
 };
 
@@ -102,6 +106,19 @@ void run_local_contact(const EvaluateOptions& options, Experiment& experiment) {
   evaluate_local_contact({folder.string(), options.assignments, options.quick}, experiment);
 }
 
+/// The first number of each line; other lines are comments.
+std::vector<std::uint64_t> read_seeds(const std::string& name) {
+  std::vector<std::uint64_t> out;
+  std::ifstream file(name);
+  if (!file) throw rtbus::config::Error(name + ": cannot be read; --seeds takes a file with one number per line");
+  for (std::string line; std::getline(file, line);) {
+    std::uint64_t seed = 0;
+    if (std::istringstream(line) >> seed) out.push_back(seed);
+  }
+  if (out.empty()) throw rtbus::config::Error(name + ": no line begins with a number");
+  return out;
+}
+
 StabilityOptions stability_of(const EvaluateOptions& options) {
   StabilityOptions stability;
   stability.session_file = session_of(options, "wall.yaml");
@@ -109,6 +126,8 @@ StabilityOptions stability_of(const EvaluateOptions& options) {
   stability.first_seed = options.seed;
   stability.cases = options.cases != 0 ? options.cases : options.quick ? 2'000 : 100'000;
   stability.jobs = options.jobs;
+  if (!options.seeds.empty()) stability.seeds = read_seeds(options.seeds);
+  stability.maps = !options.no_maps;
   stability.fine_maps = !options.quick;
   return stability;
 }
@@ -275,9 +294,13 @@ Action add_evaluate(CLI::App& command) {
   command.add_option("--config", options->config, "Session file; default: the experiment's own");
   command.add_option("--out", options->out, "Folder for the results")->capture_default_str();
   command.add_flag("--json", options->json, "Print summary.json instead of tables");
-  command.add_option("--seed", options->seed, "stability: number of the first case")->capture_default_str();
+  command.add_option("--seed", options->seed, "stability: number of the first case; below 10000000 as first drawn")
+      ->capture_default_str();
   command.add_option("--cases", options->cases, "stability: how many [100000; with --quick 2000]");
   command.add_option("--jobs", options->jobs, "stability: processes at a time [one per core]");
+  command.add_option("--seeds", options->seeds,
+                     "stability: the cases whose numbers begin the lines of this file (a stability_cases.tsv)");
+  command.add_flag("--no-maps", options->no_maps, "stability: the cases alone");
   command.add_option("--case", options->one_case, "stability: this case alone, with a figure of force and position");
   return [options] {
     std::string line = "rtbus evaluate " + options->experiment;

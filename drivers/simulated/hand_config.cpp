@@ -41,7 +41,7 @@ PushMotion parse_push(Map& map) {
   if (push.direction.norm() < 1e-9) map.fail("direction", "has no length; give for example [0, -1, 0]");
   push.direction.normalize();
   push.distance_m = map.number("distance_m", {1e-6, 1.0});
-  push.speed_m_s = map.number("speed_m_s", {1e-4, 2.0}, push.speed_m_s);
+  push.speed_m_s = map.number("speed_m_s", {1e-4, 10.0}, push.speed_m_s);
   push.start_s = map.number("start_s", {0.0, 3600.0}, push.start_s);
   push.ramp_s = map.number("ramp_s", {0.0, 10.0}, push.ramp_s);
   return push;

@@ -1,9 +1,12 @@
 /// The session files that are shipped, read by every reader of every node; and sessions that the nodes must refuse.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <string>
+#include <vector>
 
 #include "haptic_node/node_config.hpp"
 #include "physics_node/engine_registry.hpp"
@@ -107,6 +110,23 @@ TEST(HapticConfig, LowersAStiffnessThatTheDeviceDoesNotAllowAndKeepsBoth) {
   EXPECT_EQ(config.stiffness_n_per_m, config.device->info().max_stiffness_n_per_m);
   // The slew limit follows the stiffness that is rendered: never below 2·K·v.
   EXPECT_GE(config.safety.slew_n_per_ms, 2.0 * config.stiffness_n_per_m * 0.6e-3 - 1e-12);
+}
+
+// Where physics is slower than 1.5 times the tip's own frequency on the spring, a coupling without damping would ring.
+TEST(HapticConfig, RaisesTheDampingOfACouplingToSlowPhysicsAndKeepsBoth) {
+  const auto rendered = [](std::vector<std::string> settings) {
+    settings.insert(settings.begin(), "haptic.0.coupling={stiffness_n_per_m: 1000, damping_n_s_per_m: 0.1}");
+    std::vector<rtbus::config::Override> overrides;
+    for (const std::string& text : settings) overrides.push_back(rtbus::config::parse_override(text));
+    auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml", overrides);
+    const auto config = haptic::read_haptic_config(session, 0);
+    EXPECT_EQ(config.damping_requested_n_s_per_m, 0.1);
+    return config.damping_n_s_per_m / std::sqrt(1000.0 * config.device->info().apparent_mass_kg);
+  };
+  EXPECT_NEAR(rendered({"physics.throttle_hz=18"}), 0.2, 1e-12);
+  EXPECT_LT(rendered({}), 0.1);  // 1 kHz: as requested
+  EXPECT_LT(rendered({"physics.throttle_hz=18", "haptic.0.form=paper"}), 0.1);
+  EXPECT_LT(rendered({"physics.throttle_hz=18", "haptic.0.method=local_contact"}), 0.1);
 }
 
 class BadNode : public testing::TestWithParam<BadConfig> {};

@@ -18,7 +18,9 @@ const std::string kSession = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml"
 
 struct Seed {
   std::uint64_t seed;
-  std::string outcome;  ///< "rest": settled, or on its way there; "bounded": finite and within the limit.
+  /// "rest": settled, or on its way there; "small": likewise, or an oscillation below the bars; "steady": finite,
+  /// within the limit, and neither oscillation nor debt grow; "bounded": finite and within the limit.
+  std::string outcome;
   std::string why;
 };
 void PrintTo(const Seed& seed, std::ostream* out) { *out << seed.seed << ' ' << seed.outcome; }
@@ -49,8 +51,13 @@ TEST_P(PastSeed, StaysMended) {
   ASSERT_NE(result.outcome, StabilityOutcome::kFailed);
   EXPECT_EQ(result.nonfinite, 0u);
   EXPECT_EQ(result.above_limit, 0u);
-  if (GetParam().outcome != "rest") return;
-  EXPECT_TRUE(result.outcome == StabilityOutcome::kSettled || result.outcome == StabilityOutcome::kMoving)
+  const std::string& wanted = GetParam().outcome;
+  if (wanted == "bounded") return;
+  EXPECT_FALSE(result.growing);
+  EXPECT_LE(result.debt_growth_j, tools::kDebtBarJ);
+  if (wanted == "steady") return;
+  const bool small = wanted == "small" && result.outcome == StabilityOutcome::kLimitCycle;
+  EXPECT_TRUE(small || result.outcome == StabilityOutcome::kSettled || result.outcome == StabilityOutcome::kMoving)
       << to_string(result.outcome) << ", swing " << result.swing_n << " N, " << result.swing_m * 1e3 << " mm";
   EXPECT_GE(result.lowest_ledger_j, result.debt_bar_j());
   EXPECT_LE(result.debt_s, tools::kDebtBarS);
@@ -80,6 +87,13 @@ TEST(StabilityCase, FindsThatThePublishedInterpolationDiverges) {
   const StabilityResult result = tools::run_case(each, kSession, {});
   EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << result.error;
   EXPECT_EQ(result.above_limit, 0u);
+}
+
+// Nor one that never says "growing": this one, on the edge of what a law as published can do, grows for twelve seconds.
+TEST(StabilityCase, FindsAnOscillationThatGrows) {
+  const StabilityResult result = tools::run_case(tools::draw_case(10'015'229), kSession, {});
+  EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << result.error;
+  EXPECT_TRUE(result.growing);
 }
 
 TEST(StabilityCase, ReportsAStiffnessThatIsLowered) {

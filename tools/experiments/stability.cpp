@@ -3,11 +3,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <map>
 #include <thread>
 
 #include "tools/command.hpp"
@@ -19,85 +17,6 @@ namespace tools {
 
 namespace {
 
-constexpr std::size_t kOutcomes = 5;
-
-/// Of the cases that are judged together.
-struct Group {
-  std::array<std::size_t, kOutcomes> outcomes{};
-  std::size_t cases = 0, lowered = 0, growing = 0, below_bar = 0, long_debt = 0, growing_debt = 0, not_settled = 0;
-  double lowest_ledger_j = 0.0, longest_debt_s = 0.0, ledger_error_j = 0.0, cpu_s = 0.0;
-
-  void add(const StabilityCase& each, const StabilityResult& result) {
-    ++outcomes[static_cast<std::size_t>(result.outcome)];
-    ++cases;
-    if (result.rendered_n_per_m < 0.999 * each.stiffness_n_per_m) ++lowered;
-    if (result.growing) ++growing;
-    if (result.lowest_ledger_j < result.debt_bar_j()) ++below_bar;
-    if (result.debt_s > kDebtBarS) ++long_debt;
-    if (result.debt_growth_j > kDebtBarJ) ++growing_debt;
-    lowest_ledger_j = std::min(lowest_ledger_j, result.lowest_ledger_j);
-    longest_debt_s = std::max(longest_debt_s, result.debt_s);
-    ledger_error_j = std::max(ledger_error_j, result.ledger_error_j);
-    cpu_s += result.cpu_s;
-  }
-  [[nodiscard]] double count(StabilityOutcome outcome) const {
-    return static_cast<double>(outcomes[static_cast<std::size_t>(outcome)]);
-  }
-};
-
-std::string group_of(const StabilityCase& each) {
-  if (each.envelope) return "in the envelope, default method";
-  if (each.paper) return "outside, paper's form, " + each.method;
-  return "outside, " + each.method;
-}
-
-void write_header(std::ofstream& tsv) {
-  tsv << "# seed\toutcome\tenvelope\tmethod\tform\ttask\thand\tK asked [N/m]\tK rendered [N/m]\tB asked [N s/m]\t"
-         "B rendered [N s/m]\tphysics [Hz]\tloop [Hz]\tproxy [kg]\tbody/proxy\tfriction\tquantum [m]\tscale\t"
-         "speed [m/s]\theight [m]\tdepth [m]\tjitter [s]\tlost\tloop pause [s]\tphysics pause [s]\tswing [N p-p]\t"
-         "swing [m p-p]\tdirect at 10 kHz [N p-p]\tdirect [m p-p]\tgrowing\tpeak [N]\tclamped [s]\tsettled after [s]\t"
-         "lowest ledger [J]\t|F||dx| of the worst tick [J]\tin debt [s]\tdebt growth [J]\tplant work [J]\t"
-         "ledger error [J]\toverspeed ticks\tpassivity ticks\tcpu [s]\terror\n";
-}
-
-void write_row(std::ofstream& tsv, const StabilityCase& c, const StabilityResult& r) {
-  tsv << c.seed << '\t' << to_string(r.outcome) << '\t' << c.envelope << '\t' << c.method << '\t'
-      << (c.paper ? "paper" : "improved") << '\t' << to_string(c.task) << '\t' << to_string(c.hand) << '\t'
-      << c.stiffness_n_per_m << '\t' << r.rendered_n_per_m << '\t' << c.damping_n_s_per_m << '\t'
-      << r.rendered_n_s_per_m << '\t' << c.physics_hz << '\t' << c.haptic_hz << '\t' << c.proxy_kg << '\t'
-      << c.body_ratio << '\t' << c.friction << '\t' << c.quantum_m << '\t' << c.scale << '\t' << c.speed_m_s << '\t'
-      << c.height_m << '\t' << c.depth_m << '\t' << c.jitter_s << '\t' << c.lost_share << '\t' << c.loop_pause_s << '\t'
-      << c.physics_pause_s << '\t' << r.swing_n << '\t' << r.swing_m << '\t' << r.reference_n << '\t' << r.reference_m
-      << '\t' << r.growing << '\t' << r.peak_n << '\t' << r.clamped_s << '\t' << r.settled_s << '\t'
-      << r.lowest_ledger_j << '\t' << r.worst_tick_j << '\t' << r.debt_s << '\t' << r.debt_growth_j << '\t'
-      << r.plant_work_j << '\t' << r.ledger_error_j << '\t' << r.overspeed << '\t' << r.passivity << '\t' << r.cpu_s
-      << '\t' << r.error << '\n';
-}
-
-void check(const std::map<std::string, Group>& groups, Experiment& experiment) {
-  Group all, outside;
-  for (const auto& [name, group] : groups) {
-    all.outcomes[4] += group.outcomes[4];
-    if (name == "outside, " + std::string(StabilityEnvelope::kMethod)) outside = group;
-  }
-  const auto found = groups.find("in the envelope, default method");
-  const Group envelope = found == groups.end() ? Group{} : found->second;
-  experiment.check_at_least("stability.envelope.cases", "cases in the envelope", static_cast<double>(envelope.cases),
-                            "", 1.0);
-  experiment.check_at_most("stability.envelope.diverged", "diverged in the envelope",
-                           envelope.count(StabilityOutcome::kDiverged), "cases", 0.0);
-  experiment.check_at_most("stability.failed", "not finite or above the limit, anywhere",
-                           all.count(StabilityOutcome::kFailed), "cases", 0.0);
-  experiment.check_at_most("stability.envelope.ledger", "ledger below -(0.5 mJ + |F||dx|) in the envelope",
-                           static_cast<double>(envelope.below_bar), "cases", 0.0);
-  experiment.check_at_most("stability.envelope.debt", "longest debt beyond 0.5 mJ in the envelope",
-                           envelope.longest_debt_s * 1e3, "ms", kDebtBarS * 1e3);
-  experiment.check_at_most("stability.outside.growing", "oscillations that grow outside, default method",
-                           static_cast<double>(outside.growing), "cases", 0.0);
-  experiment.check_at_most("stability.outside.debt_growth", "debts that grow outside, default method",
-                           static_cast<double>(outside.growing_debt), "cases", 0.0);
-}
-
 int jobs_of(const StabilityOptions& options) {
   return options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
@@ -105,20 +24,23 @@ int jobs_of(const StabilityOptions& options) {
 }  // namespace
 
 void evaluate_stability(const StabilityOptions& options, Experiment& experiment) {
-  RunProgress progress(::isatty(STDERR_FILENO) == 1, false);
-  std::map<std::string, Group> groups;
-  std::vector<StabilityResult> results(options.cases);
+  const bool terminal = ::isatty(STDERR_FILENO) == 1;
+  RunProgress progress(terminal, !terminal);
+  const std::size_t cases = options.seeds.empty() ? options.cases : options.seeds.size();
+  const auto seed_of = [&](std::size_t i) { return options.seeds.empty() ? options.first_seed + i : options.seeds[i]; };
+  const std::size_t tell_every = std::max<std::size_t>(cases / 20, 1);  // where no bar is drawn
+  std::vector<StabilityResult> results(cases);
   std::size_t done = 0;
   const auto work = [&](std::size_t i) {
-    return run_case(draw_case(options.first_seed + i), options.session_file, options.assignments);
+    return run_case(draw_case(seed_of(i)), options.session_file, options.assignments);
   };
-  const bool whole = run_cases(options.cases, jobs_of(options), work, [&](const StabilityResult& result) {
+  const bool whole = run_cases(cases, jobs_of(options), work, [&](const StabilityResult& result) {
     StabilityResult& kept = results[result.index] = result;
-    kept.seed = options.first_seed + result.index;
-    if (++done % 20 == 0) {
-      progress.show_share(static_cast<double>(done) / static_cast<double>(options.cases),
-                          std::to_string(done) + " of " + std::to_string(options.cases) + " cases");
-    }
+    kept.seed = seed_of(result.index);
+    ++done;
+    const std::string told = std::to_string(done) + " of " + std::to_string(cases) + " cases";
+    if (done % 20 == 0) progress.show_share(static_cast<double>(done) / static_cast<double>(cases), told);
+    if (done % tell_every == 0) progress.log(told);
   });
   progress.clear();
   if (!whole) throw std::runtime_error("interrupted after " + std::to_string(done) + " cases");
@@ -134,37 +56,7 @@ void evaluate_stability(const StabilityOptions& options, Experiment& experiment)
     experiment.note(std::to_string(cells.size()) + " more cases are in the maps");
   }
 
-  std::ofstream tsv(experiment.folder() / "stability_cases.tsv");
-  write_header(tsv);
-  Table worst{"stability_worst", {"seed", "outcome", "swing [N]", "swing [mm]", "what"}, {}};
-  for (const StabilityResult& result : results) {
-    const StabilityCase each = draw_case(result.seed);
-    groups[group_of(each)].add(each, result);
-    write_row(tsv, each, result);
-    const bool bad =
-        result.outcome == StabilityOutcome::kFailed || (each.envelope && result.outcome == StabilityOutcome::kDiverged);
-    if (bad && worst.rows.size() < 20) {
-      worst.rows.push_back({std::to_string(result.seed), std::string(to_string(result.outcome)), result.swing_n,
-                            result.swing_m * 1e3, describe(each) + (result.error[0] != 0 ? ": " : "") + result.error});
-    }
-  }
-  Table table{"stability_outcomes",
-              {"cases", "run", "settled", "moving", "limit cycle", "diverged", "failed", "stiffness lowered",
-               "ledger below bar", "debt over 50 ms", "growing", "lowest ledger [mJ]", "ledger error [mJ]",
-               "cpu per case [ms]"},
-              {}};
-  for (const auto& [name, group] : groups) {
-    std::vector<Cell> row{name, static_cast<double>(group.cases)};
-    for (const std::size_t outcome : group.outcomes) row.emplace_back(static_cast<double>(outcome));
-    row.insert(row.end(), {static_cast<double>(group.lowered), static_cast<double>(group.below_bar),
-                           static_cast<double>(group.long_debt), static_cast<double>(group.growing),
-                           group.lowest_ledger_j * 1e3, group.ledger_error_j * 1e3,
-                           group.cpu_s / static_cast<double>(std::max<std::size_t>(1, group.cases)) * 1e3});
-    table.rows.push_back(std::move(row));
-  }
-  experiment.add_table(std::move(table));
-  if (!worst.rows.empty()) experiment.add_table(std::move(worst));
-  check(groups, experiment);
+  report_cases(results, experiment);
 }
 
 int show_stability_case(const StabilityOptions& options, std::uint64_t seed, const std::filesystem::path& folder) {

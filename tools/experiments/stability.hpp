@@ -14,11 +14,12 @@
 namespace tools {
 
 struct StabilityOptions {
-  std::string session_file;              ///< config/wall.yaml
-  std::vector<std::string> assignments;  ///< `--set`; stronger than the cases.
-  std::uint64_t first_seed = 1;          ///< Cases are the seeds from here on.
+  std::string session_file;                          ///< config/wall.yaml
+  std::vector<std::string> assignments;              ///< `--set`; stronger than the cases.
+  std::uint64_t first_seed = kSecondGeneration + 1;  ///< Cases are the seeds from here on.
   std::size_t cases = 100'000;
-  int jobs = 0;  ///< 0: one per core.
+  std::vector<std::uint64_t> seeds;  ///< Not empty: these instead.
+  int jobs = 0;                      ///< 0: one per core.
   bool maps = true;
   bool fine_maps = true;  ///< False: a quarter of the cells.
 };
@@ -27,6 +28,10 @@ void evaluate_stability(const StabilityOptions& options, Experiment& experiment)
 
 /// One seed alone: prints what it is, runs it, draws force and position. @returns the exit status.
 int show_stability_case(const StabilityOptions& options, std::uint64_t seed, const std::filesystem::path& folder);
+
+/// Tables, rows (stability_cases.tsv), stability_table.md and the checks of a sweep. @param results Their seeds say
+/// what they are.
+void report_cases(const std::vector<StabilityResult>& results, Experiment& experiment);
 
 /// A cell of a map and what became of it.
 struct MapCell {

@@ -6,17 +6,14 @@
 #include <cstdarg>
 #include <cstdio>
 
-#include "haptic_node/rendering/registry.hpp"
-
 namespace tools {
 
 namespace {
 
-constexpr double kDeviceMassKg = 0.041;                    // of phantom_desktop
-constexpr double kBoxEdgeM = 0.02;                         // of a moving body, at scale 1
-constexpr double kSoftNPerM = 100.0, kStiffNPerM = 700.0;  // the presets light and firm
-constexpr double kPressForceN = 1.6;                       // standing still; above 1.75 N the motors get too warm
+constexpr double kBoxEdgeM = 0.02;  // of a moving body, at scale 1
 constexpr double kRampS = 0.02;
+constexpr double kMarginM = 0.001;  // of a soft body
+constexpr double kGravityMS2 = 9.81;
 
 __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
   char out[640];
@@ -25,56 +22,6 @@ __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) 
   std::vsnprintf(out, sizeof out, format, arguments);
   va_end(arguments);
   return out;
-}
-
-double critical_damping(double stiffness) { return 2.0 * std::sqrt(stiffness * kDeviceMassKg); }
-
-void draw_envelope(Random& random, StabilityCase& out) {
-  using E = StabilityEnvelope;
-  out.envelope = true;
-  out.stiffness_n_per_m = random.log_between(10.0, E::kMaxStiffnessNPerM);
-  out.damping_n_s_per_m =
-      random.chance(0.3) ? 0.0 : random.log_between(0.01, 1.5 * critical_damping(out.stiffness_n_per_m));
-  out.physics_hz = random.log_between(E::kMinPhysicsHz, E::kMaxPhysicsHz);
-  out.proxy_kg = random.log_between(0.001, E::kMaxMassRatio * kDeviceMassKg);
-  out.body_ratio = random.log_between(1.0 / E::kMaxMassRatio, E::kMaxMassRatio);
-  out.friction = random.between(0.0, 2.0);
-  out.speed_m_s = random.log_between(0.02, E::kMaxHandSpeedMS);
-  out.jitter_s = random.chance(0.5) ? 0.0 : random.between(0.0, E::kMaxJitterS);
-  out.lost_share = random.chance(0.4) ? 0.0 : random.between(0.0, E::kMaxLostShare);
-}
-
-void draw_wide(Random& random, StabilityCase& out) {
-  out.stiffness_n_per_m = random.log_between(10.0, 20000.0);
-  out.damping_n_s_per_m =
-      random.chance(0.3) ? 0.0 : random.log_between(0.01, 3.0 * critical_damping(out.stiffness_n_per_m));
-  out.stiff_device = random.chance(0.5);
-  out.physics_hz = random.log_between(5.0, 1000.0);
-  out.haptic_hz = random.chance(0.4) ? 1000.0 : random.log_between(500.0, 10000.0);
-  out.proxy_kg = random.log_between(0.001, 10.0);
-  out.body_ratio = random.log_between(1e-3, 1e3);
-  out.friction = random.between(0.0, 2.0);
-  out.speed_m_s = random.log_between(0.02, 2.0);
-  out.quantum_m = random.chance(0.2) ? 0.0 : random.log_between(1e-6, 1e-4);
-  out.scale = random.chance(0.5) ? 1.0 : random.log_between(0.05, 500.0);
-  out.jitter_s = random.chance(0.5) ? 0.0 : random.log_between(1e-4, 0.05);
-  out.lost_share = random.chance(0.4) ? 0.0 : random.between(0.0, 0.5);
-  if (random.chance(0.25)) out.loop_pause_s = random.log_between(0.005, 0.2);
-  if (random.chance(0.25)) out.physics_pause_s = random.log_between(0.05, 0.5);
-}
-
-/// Where the hand goes: as deep as it presses with no more than kPressForceN, so that no clamp is its own doing.
-void draw_motion(Random& random, StabilityCase& out) {
-  const double rendered = std::min(out.stiffness_n_per_m, out.stiff_device ? 20000.0 : 1480.0);
-  const double hand = out.hand == StabilityHand::kSoft ? kSoftNPerM : kStiffNPerM;
-  const double softness_m_per_n = 1.0 / rendered + 1.0 / hand;
-  out.depth_m = std::clamp(random.between(0.05, 1.0) * kPressForceN * softness_m_per_n, 0.5e-3, 0.04);
-  if (out.task == StabilityTask::kDeep) out.depth_m = random.log_between(1e-3, 0.03);
-  out.height_m = random.log_between(1e-3, 0.045);
-  // No motion longer than a second.
-  if (out.hand != StabilityHand::kNone) {
-    out.height_m = std::min(out.height_m, std::max(1e-3, out.speed_m_s - out.depth_m));
-  }
 }
 
 std::string hand_map(const StabilityCase& each) {
@@ -96,9 +43,13 @@ std::string hand_map(const StabilityCase& each) {
           "{type: push, start_m: [0, 0, %.9g], direction: [0, 0, -1], distance_m: %.9g, speed_m_s: %.9g, "
           "start_s: %.9g, ramp_s: %g, impedance: %s}",
           each.height_m, each.height_m + each.depth_m, each.speed_m_s, start_s, kRampS, impedance);
+    case StabilityTask::kFall:
+      if (each.hand == StabilityHand::kNone) break;
+      return text("{type: hold, position_m: [0, %.9g, 0], impedance: %s}", each.height_m, impedance);
     case StabilityTask::kPress:
     case StabilityTask::kRub:
     case StabilityTask::kStack:
+    case StabilityTask::kSoft:
       break;
   }
   if (each.hand == StabilityHand::kNone) {
@@ -114,7 +65,30 @@ std::string hand_map(const StabilityCase& each) {
 
 /// The proxy has a radius where bodies move; its surface is at the hand's zero.
 double radius_m(const StabilityCase& each) {
+  if (each.task == StabilityTask::kSoft) return 0.35 * kBoxEdgeM;  // as large as the meshes of the skin
   return each.moves_bodies() ? std::min(1.0, 0.25 * kBoxEdgeM * each.scale) : 0.0;
+}
+
+/// A body that falls comes down at speed_m_s on a tip that is held, or lies, at its height.
+std::string falling_body(const StabilityCase& each, double edge_m) {
+  const double drop_m = 0.5 * each.speed_m_s * each.speed_m_s / kGravityMS2;
+  const double y_m = (each.height_m + drop_m) * each.scale + 2.0 * radius_m(each) + 0.5 * edge_m;
+  return text(
+      ", {name: block, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, position_m: [0, %.9g, "
+      "0], friction: %.9g}",
+      each.proxy_kg * each.body_ratio, 2.0 * edge_m, edge_m, edge_m, y_m, each.friction);
+}
+
+/// One ball on the floor.
+std::string soft_body(const StabilityCase& each) {
+  const StabilityCase::SoftMaterial& m = each.soft;
+  return text(
+      "], soft_bodies: [{name: ball, mesh: {ball: {radius_m: %.9g, nodes: %d}}, position_m: [0, %.9g, 0], mass_kg: "
+      "%.9g, "
+      "linear_stiffness: %.9g, pose_matching_hz: %.9g, bulk_modulus_pa: %.9g, damping_per_s: %.9g, friction: %.9g, "
+      "margin_m: %g, position_iterations: %d}",
+      kBoxEdgeM, m.nodes, kBoxEdgeM + kMarginM, each.proxy_kg * each.body_ratio, m.linear_stiffness, m.pose_matching_hz,
+      m.bulk_modulus_pa, m.damping_per_s, each.friction, kMarginM, m.iterations);
 }
 
 std::string scene_map(const StabilityCase& each) {
@@ -122,9 +96,11 @@ std::string scene_map(const StabilityCase& each) {
   const double edge_m = kBoxEdgeM * s;
   const char* const head = "{schema: scene/1, gravity_m_s2: [0, %.9g, 0], bodies: [";
   // A world of another size has the gravity that feels the same, as far as a scene may have it.
-  std::string out = text(head, -std::min(9.81 * s, 100.0));
+  std::string out = text(head, -std::min(kGravityMS2 * s, 100.0));
   if (each.moves_bodies()) {
     out += text("{name: floor, type: static, shape: {plane: {}}, friction: %.9g}", std::max(0.2, each.friction));
+    if (each.task == StabilityTask::kSoft) return out + soft_body(each) + "]}";
+    if (each.task == StabilityTask::kFall) return out + falling_body(each, edge_m) + "]}";
     const int boxes = each.task == StabilityTask::kBlock ? 1 : each.boxes;
     for (int i = 0; i < boxes; ++i) {
       const double mass_kg = i % 2 == 0 ? each.proxy_kg * each.body_ratio : each.proxy_kg;
@@ -149,18 +125,27 @@ std::string scene_map(const StabilityCase& each) {
                     shape.c_str(), y_m, each.friction);
 }
 
+std::string soft_text(const StabilityCase& each) {
+  if (each.task != StabilityTask::kSoft) return {};
+  const StabilityCase::SoftMaterial& m = each.soft;
+  return text(", soft ball of %d nodes, links %.3g, matching %.3g Hz, bulk %.3g Pa, damping %.3g /s, %d iterations",
+              m.nodes, m.linear_stiffness, m.pose_matching_hz, m.bulk_modulus_pa, m.damping_per_s, m.iterations);
+}
+
 std::string mapping_map(const StabilityCase& each) {
   const double edge_m = kBoxEdgeM * each.scale;
   double y_m = 0.0;
   if (each.task == StabilityTask::kBlock) y_m = 0.5 * edge_m;
   if (each.task == StabilityTask::kStack) y_m = each.boxes * edge_m + radius_m(each);
+  if (each.task == StabilityTask::kFall) y_m = radius_m(each);
+  if (each.task == StabilityTask::kSoft) y_m = 2.0 * (kBoxEdgeM + kMarginM) + radius_m(each);
   return text("{position_scale: %.9g, offset_m: [0, %.9g, 0]}", each.scale, y_m);
 }
 
 }  // namespace
 
 const char* to_string(StabilityTask task) noexcept {
-  constexpr std::array names{"drop", "press", "rub", "free", "deep", "block", "stack"};
+  constexpr std::array names{"drop", "press", "rub", "free", "deep", "block", "stack", "fall", "soft"};
   return names[static_cast<std::size_t>(task)];
 }
 
@@ -172,54 +157,23 @@ const char* to_string(StabilityHand hand) noexcept {
 double StabilityCase::end_s() const noexcept {
   double motion_s = (height_m + depth_m) * 1.5 / std::max(speed_m_s, 1e-3) + kRampS;
   if (task == StabilityTask::kDeep) motion_s = depth_m / 0.1;  // physics moves the proxy out at 0.1 m/s
-  if (hand == StabilityHand::kNone && task != StabilityTask::kDeep) motion_s = std::sqrt(2.0 * height_m / 9.81) + 0.2;
+  if (hand == StabilityHand::kNone && task != StabilityTask::kDeep) {
+    motion_s = std::sqrt(2.0 * height_m / kGravityMS2) + 0.2;
+  }
+  if (task == StabilityTask::kFall) motion_s = std::max(motion_s, speed_m_s / kGravityMS2 - start_s() + 0.3);
   const double pause_s = std::max(loop_pause_s, physics_pause_s);
   return start_s() + motion_s + (pause_s > 0.0 ? pause_s + 0.3 : 0.0) + 3.0 / physics_hz;
-}
-
-StabilityCase draw_case(std::uint64_t seed) {
-  Random random(seed);
-  StabilityCase out;
-  out.seed = seed;
-  const double kind = random.fraction();
-  if (kind < 0.5) {
-    draw_envelope(random, out);
-  } else {
-    draw_wide(random, out);
-    const auto laws = haptic::registered_renderers();
-    if (kind >= 0.75) out.method = laws[static_cast<std::size_t>(random.below(static_cast<int>(laws.size())))].name;
-    out.paper = kind >= 0.88;
-  }
-  const bool physics = haptic::find_renderer(out.method)->needs_physics;
-#if RTBUS_WITH_BULLET
-  const bool bullet = physics && random.chance(0.12);
-#else
-  const bool bullet = false;
-#endif
-  out.hand = static_cast<StabilityHand>(random.below(3));
-  if (bullet) {
-    out.task = random.chance(0.5) ? StabilityTask::kBlock : StabilityTask::kStack;
-    if (out.task == StabilityTask::kBlock && out.hand == StabilityHand::kNone) out.hand = StabilityHand::kStiff;
-    out.boxes = 1 + random.below(4);
-  } else if (out.hand == StabilityHand::kNone) {
-    out.task = random.chance(0.75) ? StabilityTask::kDrop : StabilityTask::kDeep;
-    out.shape = random.chance(0.75) ? StabilityShape::kPlane : StabilityShape::kBox;
-  } else {
-    constexpr std::array tasks{StabilityTask::kPress, StabilityTask::kRub, StabilityTask::kFree, StabilityTask::kDeep};
-    out.task = tasks[static_cast<std::size_t>(random.below(4))];
-    out.shape = static_cast<StabilityShape>(random.below(3));
-  }
-  draw_motion(random, out);
-  out.phase = random.fraction();
-  return out;
 }
 
 std::vector<std::string> assignments_of(const StabilityCase& each) {
   std::vector<std::string> out;
   out.push_back("scene=" + scene_map(each));
   const double step_hz = each.paper ? std::clamp(each.physics_hz, 15.0, each.haptic_hz) : each.physics_hz;
-  if (each.moves_bodies()) out.emplace_back("physics.engine=bullet");
-  out.push_back(text("physics.rate_hz=%.9g", std::max(1000.0, step_hz)));
+  if (each.moves_bodies()) {
+    out.emplace_back("physics.engine=bullet");
+    out.push_back(text("physics.solver_iterations=%d", each.solver_iterations));
+  }
+  out.push_back(text("physics.rate_hz=%.9g", std::max(each.task == StabilityTask::kSoft ? 500.0 : 1000.0, step_hz)));
   if (each.paper) {
     out.emplace_back("haptic.0.form=paper");
     out.push_back(text("haptic.0.link_rate_hz=%.9g", step_hz));
@@ -282,7 +236,7 @@ std::string describe(const StabilityCase& each) {
       each.stiffness_n_per_m, each.damping_n_s_per_m, each.physics_hz, each.haptic_hz, each.proxy_kg, each.body_ratio,
       each.friction, each.quantum_m * 1e6, each.scale, each.speed_m_s, each.height_m * 1e3, each.depth_m * 1e3,
       each.jitter_s * 1e3, each.lost_share, each.loop_pause_s, each.physics_pause_s,
-      each.envelope ? ", in the envelope" : "");
+      (soft_text(each) + (each.envelope ? ", in the envelope" : "")).c_str());
 }
 
 }  // namespace tools

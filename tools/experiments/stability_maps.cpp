@@ -108,6 +108,7 @@ std::vector<StabilityMap> run_maps(const StabilityOptions& options, int jobs,
   for (const haptic::RendererEntry& law : haptic::registered_renderers()) {
     if (!law.needs_physics) continue;
     for (const bool paper : {false, true}) {
+      if (paper && law.needs_contacts) continue;  // the paper does not have it
       const std::string name(law.name);
       StabilityMap map{"map_rate_" + name + (paper ? "_paper" : ""),
                        name + (paper ? ", as published" : "") + ": worst of no, soft and stiff hand, 1 kHz, B = K·1 ms",
@@ -115,22 +116,23 @@ std::vector<StabilityMap> run_maps(const StabilityOptions& options, int jobs,
                        "stiffness asked for [N/m]",
                        {},
                        {}};
-      // Age of what is held: a period until it is there, half a period on the average after that.
+      // Age of what is held: a period until it is there, half a period on the average after that. The
+      // surface of local_contact is in the loop.
       map.lines = {{number(2.0 * kViscousNSPerM / kPeriodS), "K = 2b/T (passivity, B = 0)"},
-                   {number(kViscousNSPerM) + "/(" + number(0.5 * kPeriodS) + "+1.5/x)",
-                    "K = b/(T/2 + 1.5 periods) (linear, B = 0)"},
+                   {number(kViscousNSPerM) + "/(" + number(0.5 * kPeriodS) + (law.needs_contacts ? ")" : "+1.5/x)"),
+                    law.needs_contacts ? "K = b/(T/2) (linear, B = 0)" : "K = b/(T/2 + 1.5 periods) (linear, B = 0)"},
                    {"4100", "rendered at most at 1 kHz"}};
       add(std::move(map), name, paper, rate, true);
     }
   }
-  for (const char* const name : {"direct", StabilityEnvelope::kMethod}) {
+  for (const char* const name : {"direct", StabilityEnvelope::kMethod, StabilityEnvelope::kOtherMethod}) {
     StabilityMap map{std::string("map_damping_") + name,
                      std::string(name) + ": worst of no, soft and stiff hand, loop and physics at 1 kHz",
                      "damping asked for [N s/m]",
                      "stiffness asked for [N/m]",
                      {},
                      {}};
-    const double delay_s = std::string(name) == "direct" ? 0.0 : 1.5e-3;
+    const double delay_s = std::string(name) == StabilityEnvelope::kMethod ? 1.5e-3 : 0.0;  // to the hand's own motion
     map.lines = {
         {"(" + number(kViscousNSPerM) + ">x?2*(" + number(kViscousNSPerM) + "-x)/" + number(kPeriodS) + ":NaN)",
          "K = 2(b - B)/T (passivity)"},

@@ -32,7 +32,7 @@ struct StabilityResult {
   std::uint64_t index = 0;
   std::uint64_t seed = 0;
   StabilityOutcome outcome = StabilityOutcome::kFailed;
-  bool growing = false;           ///< The oscillation at the end is larger than it was a while before.
+  bool growing = false;  ///< The oscillation of the last quarter is larger than that of the second, and goes on.
   double rendered_n_per_m = 0.0;  ///< Stiffness after what device and rate allow.
   double rendered_n_s_per_m = 0.0;
   double swing_n = 0.0;      ///< Oscillation of the force at the end, peak to peak, drift taken off.
@@ -46,7 +46,7 @@ struct StabilityResult {
   double lowest_ledger_j = 0.0;
   double worst_tick_j = 0.0;    ///< Largest |F|·|Δx| of a tick.
   double debt_s = 0.0;          ///< Longest time below −kDebtBarJ.
-  double debt_growth_j = 0.0;   ///< Lowest ledger of the last quarter below that of the rest; positive: grows.
+  double debt_growth_j = 0.0;   ///< Second lowest window of the last quarter below all before; positive: grows.
   double plant_work_j = 0.0;    ///< True work of the actuator on the tip.
   double ledger_error_j = 0.0;  ///< Largest |work booked by the loop − true work|.
   std::uint64_t nonfinite = 0, above_limit = 0, overspeed = 0, passivity = 0, law_nonfinite = 0;

@@ -214,12 +214,12 @@ TEST(Stepper, ReportsContactsWithTheSampleTheyAnswer) {
   EXPECT_EQ(contacts.contact_normal[0], (rtbus::Vec3{0, 1, 0}));
   EXPECT_EQ(contacts.bodies, 1U);
   EXPECT_EQ(contacts.contact_inverse_mass_per_kg[0], rtbus::Symmetric3{});
-  // The radius grows with the step and with the speed; one that is given stands.
+  // The radius grows with the step and with the speed, as of one who falls; one that is given stands.
   stepper.step(0.05);
-  EXPECT_NEAR(stepper.contact_radius_m(0), 2 * 0.05 * 0.2, 1e-12);
+  EXPECT_NEAR(stepper.contact_radius_m(0), 2 * 0.05 * (0.2 + 0.05 * 9.81), 1e-12);
   device.target_velocity_m_s = {0.6, 0, 0};
   stepper.set_device(0, device, 43);
-  EXPECT_NEAR(stepper.contact_radius_m(0), 2 * 0.05 * 0.6, 1e-12);
+  EXPECT_NEAR(stepper.contact_radius_m(0), 2 * 0.05 * (0.6 + 0.05 * 9.81), 1e-12);
   stepper.contacts(0, 1e-4, contacts);
   EXPECT_EQ(contacts.contacts, 0U);
   stepper.release(0);
