@@ -25,8 +25,9 @@ constexpr double kDampingPerMassRate = 0.25;
 constexpr double kCouplingDampingPerMassRate = 0.2;
 /// Least damping ratio ζ of the tip on a coupling whose other end follows slowly. The corners of the set-point's line,
 /// one per period T of physics, reach the tip's own frequency f with sinc²(π·f·T) of their size and are amplified there
-/// by 1/(2ζ): with this they stay smaller than what made them wherever 1/T is below 1.5·f (decision 0009).
-constexpr double kLeastDampingRatio = 0.1, kSlowPhysics = 1.5;
+/// by 1/(2ζ): half of this keeps them smaller than what made them wherever 1/T is below 1.5·f; the other half is for a
+/// tip that moves, which dry friction does not calm (decision 0009).
+constexpr double kLeastDampingRatio = 0.2, kSlowPhysics = 1.5;
 /// What the passivity damper may make of one encoder step.
 constexpr double kDamperNoise_n = 0.05;
 /// More shapes than these cost `direct` more than some microseconds in a tick.

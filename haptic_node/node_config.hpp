@@ -32,7 +32,7 @@ struct HapticConfig {
   double stiffness_n_per_m = 0.0;  ///< Rendered: lowered to what device and rate allow.
   double damping_requested_n_s_per_m = 0.0;
   /// Rendered: lowered to what mass, rate and velocity filter can carry; of `remote_virtual_coupling`, as improved, at
-  /// least a tenth of critical.
+  /// least a fifth of critical.
   double damping_n_s_per_m = 0.0;
   MappingConfig mapping;
   int clutch_button = -1;  ///< −1: no clutch.

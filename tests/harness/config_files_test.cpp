@@ -123,7 +123,7 @@ TEST(HapticConfig, RaisesTheDampingOfACouplingToSlowPhysicsAndKeepsBoth) {
     EXPECT_EQ(config.damping_requested_n_s_per_m, 0.1);
     return config.damping_n_s_per_m / std::sqrt(1000.0 * config.device->info().apparent_mass_kg);
   };
-  EXPECT_NEAR(rendered({"physics.throttle_hz=18"}), 0.2, 1e-12);
+  EXPECT_NEAR(rendered({"physics.throttle_hz=18"}), 0.4, 1e-12);
   EXPECT_LT(rendered({}), 0.1);  // 1 kHz: as requested
   EXPECT_LT(rendered({"physics.throttle_hz=18", "haptic.0.form=paper"}), 0.1);
   EXPECT_LT(rendered({"physics.throttle_hz=18", "haptic.0.method=local_contact"}), 0.1);

@@ -201,7 +201,7 @@ double cpu_now_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// An oscillation that seems to grow is watched so many times as long.
+/// An oscillation that seems to grow, or not to end, is watched so many times as long.
 constexpr double kLongerLook = 2.0;
 
 void simulate(const StabilityCase& each, const std::string& session_file, const std::vector<std::string>& extra,
@@ -238,8 +238,9 @@ void simulate(const StabilityCase& each, const std::string& session_file, const 
     watch.judge(rested);
   };
   watch_until(each.end_s() + watched_s);
-  // What grows goes on growing; what only builds up to what it is, or was larger by chance, does not.
-  if (out.growing) watch_until(each.end_s() + kLongerLook * watched_s);
+  // What grows goes on growing, and what is steady is still there; what only builds up to what it is, was larger by
+  // chance, or came of a loss of physics just now, is not.
+  if (out.growing || out.outcome == StabilityOutcome::kDiverged) watch_until(each.end_s() + kLongerLook * watched_s);
   out.settled_s = rested ? std::max(0.0, harness.now_s() - 2.0 * window_s - each.end_s()) : -1.0;
   out.simulated_s = harness.now_s();
 }
