@@ -35,6 +35,7 @@ void fill_contact(const Contact& contact, std::size_t i, rtbus::ProxyContacts& o
   out.contact_gap_m[i] = contact.gap_m;
   out.contact_velocity_m_s[i] = array_of(contact.surface_velocity_m_s);
   out.contact_friction[i] = contact.friction;
+  out.contact_curvature_per_m[i] = contact.curvature_per_m;
   out.contact_compliance_m_per_n[i] = contact.compliance_m_per_n;
   out.contact_inverse_mass_per_kg[i] = array_of(contact.inverse_mass_per_kg);
 }

@@ -19,15 +19,17 @@ struct Contact {
   double gap_m = 0.0;  ///< From surface to surface along the normal; negative: penetrates.
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of the body, at the point.
   double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
-  double compliance_m_per_n = 0.0;                                 ///< Of the surface, along the normal; 0: rigid.
+  double curvature_per_m = 0.0;     ///< Of the surface there, where it is a ball's; 0: told as a plane.
+  double compliance_m_per_n = 0.0;  ///< Of the surface, along the normal; 0: rigid.
   /// Inverse effective mass of the body for a force at the point: acceleration of the point = this · force. Symmetric.
   /// Zero for a body that no force moves. Rigid: 1/m·1 − [r]×·I⁻¹·[r]×, r from the centre of mass to the point.
   Eigen::Matrix3d inverse_mass_per_kg = Eigen::Matrix3d::Zero();
   std::uint32_t row = 0;  ///< Of the body in ContactSet::bodies.
 };
 
-/// A soft one is the patch of it that is nearest: `body` counts on after the rigid ones, `centre_m` is the patch's point,
-/// its mass is the patch's, its velocities are not told; a contact's compliance is how far it gives way within 0.1 s.
+/// A soft one is the patch of it that is nearest: `body` counts on after the rigid ones, `centre_m` is the patch's
+/// point, its mass is the patch's, its velocities are not told; a contact's compliance is how far it gives way within
+/// 0.1 s.
 enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2, kSoft = 3 };
 
 /// A body behind at least one contact.
@@ -62,8 +64,8 @@ struct Support {
   double normal_force_n = 0.0;                                     ///< > 0.
   double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what holds, at the point.
-  double inverse_mass_per_kg = 0.0;  ///< Of what holds; 0: no force moves it.
-  std::uint32_t points = 0;          ///< Contact points that carry: 1 is a point, 2 an edge, more are a patch.
+  double inverse_mass_per_kg = 0.0;                                ///< Of what holds; 0: no force moves it.
+  std::uint32_t points = 0;  ///< Contact points that carry: 1 is a point, 2 an edge, more are a patch.
 };
 
 /// At most so many of each, which bounds the message and the work of who solves them.

@@ -1,7 +1,7 @@
 #pragma once
 /// @file contact_messages.hpp
-/// What physics says about the surroundings of a proxy, to a force law that integrates the proxy and the bodies it meets by
-/// itself. Conventions as in messages.hpp; what each quantity means exactly: physics_node/contact_set.hpp.
+/// What physics says about the surroundings of a proxy, to a force law that integrates the proxy and the bodies it
+/// meets by itself. Conventions as in messages.hpp; what each quantity means exactly: physics_node/contact_set.hpp.
 #include "rtbus/messages.hpp"
 
 namespace rtbus {
@@ -31,13 +31,14 @@ struct ProxyContacts {
   std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that found no row, in this step.
   std::uint32_t supports_overflow = 0;
 
-  std::array<std::uint32_t, kContactSlots> contact_body{};  ///< Row of the body behind.
-  std::array<Vec3, kContactSlots> contact_point_m{};        ///< On the body.
-  std::array<Vec3, kContactSlots> contact_normal{};         ///< Unit, towards the proxy.
-  std::array<double, kContactSlots> contact_gap_m{};        ///< Negative: penetrates.
-  std::array<Vec3, kContactSlots> contact_velocity_m_s{};   ///< Of the body's surface.
-  std::array<double, kContactSlots> contact_friction{};     ///< Of the pair.
-  std::array<double, kContactSlots> contact_compliance_m_per_n{};  ///< 0: rigid.
+  std::array<std::uint32_t, kContactSlots> contact_body{};              ///< Row of the body behind.
+  std::array<Vec3, kContactSlots> contact_point_m{};                    ///< On the body.
+  std::array<Vec3, kContactSlots> contact_normal{};                     ///< Unit, towards the proxy.
+  std::array<double, kContactSlots> contact_gap_m{};                    ///< Negative: penetrates.
+  std::array<Vec3, kContactSlots> contact_velocity_m_s{};               ///< Of the body's surface.
+  std::array<double, kContactSlots> contact_friction{};                 ///< Of the pair.
+  std::array<double, kContactSlots> contact_curvature_per_m{};          ///< Of a ball: 1/radius. 0: a plane.
+  std::array<double, kContactSlots> contact_compliance_m_per_n{};       ///< 0: rigid.
   std::array<Symmetric3, kContactSlots> contact_inverse_mass_per_kg{};  ///< Zero: no force moves it.
 
   std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order.
@@ -61,7 +62,8 @@ struct ProxyContacts {
   std::array<double, kSupportSlots> support_friction{};
   std::array<Vec3, kSupportSlots> support_velocity_m_s{};
   std::array<double, kSupportSlots> support_inverse_mass_per_kg{};  ///< Of what holds; 0: no force moves it.
-  std::array<std::uint32_t, kSupportSlots> support_points{};  ///< Contact points that carry: 1 a point, 3 or more a patch.
+  std::array<std::uint32_t, kSupportSlots>
+      support_points{};  ///< Contact points that carry: 1 a point, 3 or more a patch.
 };
 
 template <>
@@ -89,6 +91,7 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, contact_gap_m, "m"),
                                       RTBUS_FIELD(T, contact_velocity_m_s, "m/s"),
                                       RTBUS_FIELD(T, contact_friction, "1"),
+                                      RTBUS_FIELD(T, contact_curvature_per_m, "1/m"),
                                       RTBUS_FIELD(T, contact_compliance_m_per_n, "m/N"),
                                       RTBUS_FIELD(T, contact_inverse_mass_per_kg, "1/kg"),
                                       RTBUS_FIELD(T, body_index, "1"),
@@ -114,6 +117,6 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, support_points, "1")};
 };
 
-static_assert(sizeof(ProxyContacts) == 10048 && Sample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 10176 && Sample<ProxyContacts>);
 
 }  // namespace rtbus

@@ -310,6 +310,7 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
         turned_since_[row] * (vector_of(answer.contact_point_m[i]) - vector_of(answer.body_centre_m[row]));
     contact.normal = turned_since_[row] * vector_of(answer.contact_normal[i]);
     contact.friction = answer.contact_friction[i];
+    if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
     const double gap_m = gap_of(contact);
     std::size_t best = old_count;
     double best_cosine = kSameContact;

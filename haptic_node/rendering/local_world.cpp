@@ -37,7 +37,17 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
 
 double LocalWorld::gap_of(const Contact& contact) const noexcept {
   const Vector3d point = bodies_[contact.body].centre_m + contact.from_centre_m;
-  return contact.normal.dot(position_m_ - point) - proxy_radius_m_;
+  if (contact.radius_m <= 0.0) return contact.normal.dot(position_m_ - point) - proxy_radius_m_;
+  return (position_m_ - point + contact.radius_m * contact.normal).norm() - contact.radius_m - proxy_radius_m_;
+}
+
+/// On a ball the contact goes where the proxy goes.
+void LocalWorld::roll(Contact& contact) const noexcept {
+  const Vector3d middle = contact.from_centre_m - contact.radius_m * contact.normal;
+  const Vector3d way = position_m_ - bodies_[contact.body].centre_m - middle;
+  if (way.squaredNorm() <= 1e-12) return;
+  contact.normal = way.normalized();
+  contact.from_centre_m = middle + contact.radius_m * contact.normal;
 }
 
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
@@ -127,6 +137,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   std::size_t rows = 0;
   for (std::size_t i = 0; i < contact_count_; ++i) {
     Contact& contact = contacts_[i];
+    if (contact.radius_m > 0.0) roll(contact);
     const Body& body = bodies_[contact.body];
     const Vector3d surface = body.motion.velocity_m_s + body.motion.angular_velocity_rad_s.cross(contact.from_centre_m);
     contact.gap_m = gap_of(contact) + contact.offset_m;

@@ -111,6 +111,7 @@ class LocalWorld {
     std::size_t body = 0;
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+    double radius_m = 0.0;  ///< Of the ball whose surface it is; 0: a plane.
     double friction = 0.0;
     double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
@@ -152,6 +153,7 @@ class LocalWorld {
   void take_contacts(const rtbus::ProxyContacts& answer) noexcept;
   void hold_by_supports(std::size_t slot) noexcept;
   [[nodiscard]] double gap_of(const Contact& contact) const noexcept;
+  void roll(Contact& contact) const noexcept;
   void blend(double h) noexcept;
   std::size_t gather(double h) noexcept;
   void integrate(double h) noexcept;

@@ -96,6 +96,8 @@ void AnalyticWorld::contacts(std::size_t index, double radius_m, ContactSet& out
     contact.normal = nearest.normal;
     contact.gap_m = gap_m;
     contact.friction = proxy.parameters.friction * shapes_[i].friction;
+    if (const auto* ball = std::get_if<rtbus::shapes::Sphere>(&shapes_[i].shape))
+      contact.curvature_per_m = 1.0 / ball->radius_m;
     contact.row = static_cast<std::uint32_t>(i);
     found.push_back(contact);
   }

@@ -59,6 +59,10 @@ void BulletWorld::find_contacts(const BulletProxy& proxy, double radius_m, Found
       contact.gap_m = each.gap / scale_;
       contact.surface_velocity_m_s = velocity_at(rigid, contact.point_m, scale_);
       contact.friction = pair_friction(rigid, proxy.body());
+      if (bodies_[i].made->shape->getShapeType() == SPHERE_SHAPE_PROXYTYPE) {
+        contact.curvature_per_m =
+            scale_ / static_cast<double>(static_cast<const btSphereShape&>(*bodies_[i].made->shape).getRadius());
+      }
       contact.row = static_cast<std::uint32_t>(i);
       out.push_back(contact);
     }

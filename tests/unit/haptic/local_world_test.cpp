@@ -70,6 +70,27 @@ TEST_F(LocalWorldTest, HoldsTheProxyAtTheWallAndThePushIsTheSpring) {
   EXPECT_NEAR(world->pushes()[0].impulse_n_s.x(), -force_n * kStepS, 1e-12) << "what it does to the wall";
 }
 
+// A ball of 50 mm around the origin, told once with the contact at its side; the hand goes on around it, 2 mm inside.
+TEST_F(LocalWorldTest, RollsTheContactAroundABallUntilTheNextAnswer) {
+  constexpr double kRadius_m = 0.05, kDepth_m = 0.002, kReach_m = kRadius_m - kDepth_m;
+  ProxyContacts ball = wall(0.0, now_ns);
+  ball.contact_point_m[0] = {kRadius_m, 0, 0};
+  ball.contact_curvature_per_m[0] = 1.0 / kRadius_m;
+  world->reset({kRadius_m, 0, 0});
+  world->take(ball, now_ns);
+  for (int i = 0; i <= 40; ++i) tick(kRadius_m - kDepth_m * i / 40);
+  for (int i = 0; i <= 40; ++i) {
+    const double angle = 0.005 * i;  // 0.2 rad: 10 mm on the surface
+    const Vector3d tip(kReach_m * std::cos(angle), kReach_m * std::sin(angle), 0);
+    now_ns += kMs;
+    world->advance({tip, Vector3d::Zero(), kStiffness, 0.0}, now_ns, kStepS);
+    const Vector3d force_n = world->impulse_n_s() / kStepS;
+    EXPECT_NEAR(world->position_m().norm(), kRadius_m, 2e-5) << "on the ball, not on its first tangent plane";
+    EXPECT_NEAR(force_n.norm(), kStiffness * kDepth_m, 0.01);
+    EXPECT_NEAR(force_n.normalized().dot(tip.normalized()), 1.0, 1e-3) << "away from the middle";
+  }
+}
+
 TEST_F(LocalWorldTest, GivesABodyWhatTheHandFeels) {
   world->reset({0, 0, 0});
   world->take(body(0.0, 0.0, now_ns), now_ns);
