@@ -237,7 +237,6 @@ void Node::count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s
 
 void Node::step_on_time() noexcept {
   const double step_s = config_.physics.step_s();
-  const bool throttled = config_.physics.throttle_hz.has_value();
   rtbus::Pacer pacer(rtbus::monotonic_ns(), period_ns());
 
   while (sleep_unless_stopped(pacer.due_ns())) {
@@ -245,12 +244,29 @@ void Node::step_on_time() noexcept {
     const std::uint64_t began_ns = rtbus::monotonic_ns();
     stepper_->step(step_s);
     const std::uint64_t ended_ns = rtbus::monotonic_ns();
-
-    // From here pacer.due_ns() is the end of this period, or a later one when the step did not make it.
     const bool late = pacer.advance(ended_ns) > 0;
-    if (throttled && !late && !sleep_unless_stopped(pacer.due_ns())) break;
     publish_answers(ended_ns - began_ns);
     count_step(ended_ns - began_ns, pacer.due(), static_cast<double>(pacer.due()) * step_s, late);
+    publish_pictures(ended_ns);
+  }
+}
+
+void Node::step_throttled() noexcept {
+  const double step_s = config_.physics.step_s();
+  const std::uint64_t first_ns = rtbus::monotonic_ns();
+  std::uint64_t begins_ns = first_ns;
+
+  while (sleep_unless_stopped(begins_ns)) {
+    read_devices();
+    const std::uint64_t began_ns = rtbus::monotonic_ns();
+    stepper_->step(step_s);
+    const std::uint64_t ended_ns = rtbus::monotonic_ns();
+    const bool late = ended_ns > begins_ns + period_ns();
+    begins_ns = std::max(begins_ns + period_ns(), ended_ns);
+    if (!late && !sleep_unless_stopped(begins_ns)) break;
+    publish_answers(ended_ns - began_ns);
+    const std::uint64_t elapsed_ns = begins_ns - first_ns;
+    count_step(ended_ns - began_ns, elapsed_ns / period_ns(), static_cast<double>(elapsed_ns) * 1e-9, late);
     publish_pictures(ended_ns);
   }
 }
@@ -283,6 +299,8 @@ void Node::step_thread() noexcept {
     step_on_packets();
   } else if (config_.physics.pace == Pace::kFree) {
     step_freely();
+  } else if (config_.physics.throttle_hz) {
+    step_throttled();
   } else {
     step_on_time();
   }

@@ -32,7 +32,8 @@ struct NodeFault {
 /// Fixed clock: one step of 1/rate_hz in every period; deadlines are absolute. A step that is late is counted and not
 /// caught up: simulated time then falls behind the wall clock. Throttled clock: the devices are read at the start of a
 /// period of 1/throttle_hz, the step advances as much, and the answer is held back until the period is over, as a slow
-/// engine would deliver it.
+/// engine would deliver it. A step that takes longer is late: its answer goes out when it is there, and the next step
+/// begins at once.
 ///
 /// `step_on: packet` (the paper's server): no clock. The step thread waits until the first haptic node has sent a
 /// packet, steps once, and publishes at once, or, throttled, when the period of the throttle is over. Over the bus it
@@ -66,6 +67,7 @@ class Node {
   explicit Node(NodeConfig config);
   void step_thread() noexcept;
   void step_on_time() noexcept;
+  void step_throttled() noexcept;
   void step_freely() noexcept;
   void count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s, bool late) noexcept;
   void beat_thread() noexcept;

@@ -29,7 +29,7 @@ struct StackCell {
   int cubes;
   bool pipe;           ///< The paper's whole loop: `form: paper` over a named pipe, 50 packets per second.
   double throttle_hz;  ///< Imitates the paper's machine; 0: this machine's own speed.
-  double parts_hz;     ///< Parts of which a throttled step consists, per second; 0: as many as the session's file says.
+  double parts_hz;     ///< The longest part of a step is one over this; 0: as the session's file says.
   double stiffness_n_per_m;
   bool compared;  ///< Both methods, in the harness too.
 };
