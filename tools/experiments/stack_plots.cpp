@@ -71,9 +71,12 @@ Figure profiles_figure(const Profiles& wanted, const std::vector<StackPair>& pai
     if (!cells[i].compared || cells[i].pipe != wanted.pipe || pairs[i].remote_trace.time_s.empty()) continue;
     panels.push_back(i);
     for (const char* method : wanted.methods) {
-      const PushTrace& trace = method == kRemote ? pairs[i].remote_trace : pairs[i].interpolation_trace;
-      end_s = std::max(end_s, trace.time_s.back());
-      for (const double force : trace.force_n) low_n = std::min(low_n, force), high_n = std::max(high_n, force);
+      const auto make_room = [&](const PushTrace& trace) {
+        if (!trace.time_s.empty()) end_s = std::max(end_s, trace.time_s.back());
+        for (const double force : trace.force_n) low_n = std::min(low_n, force), high_n = std::max(high_n, force);
+      };
+      make_room(method == kRemote ? pairs[i].remote_trace : pairs[i].interpolation_trace);
+      if (const StackRun* run = find(runs, cells[i], method)) make_room(run->push.trace);  // may be the longer push
     }
   }
   char text[400];
