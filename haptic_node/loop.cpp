@@ -16,6 +16,9 @@ rtbus::Quat to_array(const Eigen::Quaterniond& q) noexcept { return {q.w(), q.x(
 
 bool pressed(std::uint32_t buttons, int button) noexcept { return button >= 0 && ((buttons >> button) & 1u) != 0; }
 
+/// Below this, at the device, the proxy touches nothing.
+constexpr double kNoTouch_n = 1e-3;
+
 // One writer: a relaxed load and store is enough, and cheaper than an atomic addition.
 void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
@@ -83,10 +86,20 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
     if (proxy_.valid) {
       proxy_.fresh = true;
       const Eigen::Vector3d way_m = mapping_.position_to_device(to_vector(news.position_m)) - proxy_.position_m;
-      const double work_j = -mapping_.force_to_device(to_vector(news.coupling_force_n)).dot(way_m);
+      double work_j = -mapping_.force_to_device(to_vector(news.coupling_force_n)).dot(way_m);
       // Over a gap the force is that of the last step alone: what it says the world gave is not believed.
       const bool whole = news.step_index == proxy_step_ + 1;
-      proxy_.work_j = proxy_step_ == 0 ? 0.0 : whole ? work_j : std::min(0.0, work_j);
+      if (!whole) work_j = std::min(0.0, work_j);
+      if (proxy_step_ == 0) work_j = begun_j_ = 0.0;
+      // A proxy that began inside of something is pushed out of it, and nothing that moves has done that work: it is
+      // believed as far as the device's continuous force.
+      if (mapping_.force_to_device(to_vector(news.contact_force_n)).norm() <= kNoTouch_n) begun_j_ = -1.0;
+      if (begun_j_ >= 0.0) {
+        const double force_n = config_.safety.continuous_force_n;
+        work_j = std::min(work_j, 0.5 * force_n * force_n / std::max(config_.stiffness_n_per_m, 1.0) - begun_j_);
+        begun_j_ += std::max(0.0, work_j);
+      }
+      proxy_.work_j = work_j;
       proxy_step_ = news.step_index;
       proxy_.sequence = proxy_news_.sequence;
       proxy_.device_time_ns = news.device_time_ns;
@@ -246,7 +259,8 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   wish.force_n = rendered.force_n;
   wish.position_m = position_m;
   wish.velocity_m_s = input.velocity_m_s;
-  wish.world_work_j = config_.safety.passivity.books_world && proxy_.fresh ? proxy_.work_j : 0.0;
+  wish.world_work_j = rendered.world_work_j;
+  if (config_.safety.passivity.books_world && proxy_.fresh) wish.world_work_j += proxy_.work_j;
   wish.dt_s = dt_s_;
   wish.now_ns = now_ns;
   wish.sample_time_ns = sample_.time_ns;

@@ -115,6 +115,7 @@ class Loop {
 
   ProxyView proxy_;               ///< Newest proxy, at the device.
   std::uint64_t proxy_step_ = 0;  ///< Its step_index; 0: none since the last beginning.
+  double begun_j_ = 0.0;          ///< What the world has put in since then, until nothing touched; then negative.
   rtbus::Stamped<rtbus::ProxyState> proxy_news_;
   rtbus::Stamped<rtbus::Heartbeat> beat_news_;
   rtbus::Stamped<rtbus::ProxyContacts> contact_news_;

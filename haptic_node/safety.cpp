@@ -146,6 +146,7 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
     checked.velocity_m_s.setZero();
     out.acted |= kNonfinite;
   }
+  if (!std::isfinite(checked.world_work_j)) checked.world_work_j = 0.0;
 
   book_energy(checked);
   if (last_cycle_ns_ != 0 && rtbus::seconds_between(last_cycle_ns_, checked.now_ns) > config_.force_timeout_s) {

@@ -48,6 +48,7 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
   out.proxy_velocity_m_s = mapping_.velocity_to_device(world_.velocity_m_s());
   // Massless: what the contacts do to the proxy is what the hand feels.
   out.force_n = mapping_.force_to_device(world_.impulse_n_s() / step_s_);
+  out.world_work_j = world_.work_j() / (mapping_.config().force_scale * mapping_.config().position_scale);
   return out;
 }
 

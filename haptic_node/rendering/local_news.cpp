@@ -171,10 +171,12 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     body.told_centre_m = centre_m;
     body.told_given_n_s = known ? then.given_n_s : Vector3d(Vector3d::Zero());
     body.moves = answer.body_kind[row] != 0;
+    body.driven = answer.body_kind[row] == 1;
     const Matrix3d R = turned.toRotationMatrix();
     body.motion.inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
     body.motion.inverse_inertia_per_kg_m2 = R * matrix_of(answer.body_inverse_inertia_per_kg_m2[row]) * R.transpose();
     body.force_n = vector_of(answer.body_external_force_n[row]);
+    body.torque_n_m = vector_of(answer.body_external_torque_n_m[row]);
     body.friction_bound_n = answer.body_friction_bound_n[row];
     body.supported = false;
     slot_of_row_[row] = slot;
@@ -230,6 +232,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
     support.friction = answer.support_friction[i];
     if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: hold_by_supports()
     body.force_n -= answer.support_force_n[i] * support.normal;
+    body.torque_n_m -= support.from_centre_m.cross(answer.support_force_n[i] * support.normal);
     body.supported = true;
     for (std::size_t j = 0; j < old_count; ++j) {
       if (old[j].body != support.body || old[j].normal.dot(support.normal) < 0.9) continue;
@@ -250,6 +253,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
     if (row >= complete) {
       body.motion.inverse_mass_per_kg = 0.0;
       body.force_n.setZero();
+      body.torque_n_m.setZero();
     }
     if (body.jammed || body.motion.inverse_mass_per_kg <= 0.0) continue;
     if (body.supported) {

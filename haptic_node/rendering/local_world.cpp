@@ -27,6 +27,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   position_m_ = proxy_m;
   velocity_m_s_.setZero();
   impulse_n_s_.setZero();
+  work_j_ = 0.0;
   for (Body& body : bodies_) body.used = false;
   contact_count_ = support_count_ = push_count_ = 0;
   hand_m_s_.setZero();
@@ -54,6 +55,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   now_ns_ = sample_ns;
   hand_m_s_ += -std::expm1(-h / kHandSpeed_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
+  work_j_ = 0.0;
   push_count_ = 0;
   const double lag = h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
   if (lag <= 0.0) {  // nothing holds the proxy to the hand: it is the hand
@@ -90,6 +92,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     bodies_[contact.body].given_n_s -= contact.impulse_n_s;
     push_slot_[push_count_] = contact.body;
     pushes_[push_count_++] = {bodies_[contact.body].index, -contact.impulse_n_s, contact.from_centre_m};
+    if (bodies_[contact.body].driven) work_j_ += contact.impulse_n_s.dot(rows_[i].surface_velocity_m_s);
   }
   for (std::size_t i = 0; i < soft; ++i) {
     if (soft_rows[i].impulse_n_s.isZero(0.0)) continue;
@@ -127,6 +130,7 @@ void LocalWorld::blend(double h) noexcept {
     body.motion.velocity_m_s *= slower;
     body.motion.angular_velocity_rad_s *= slower;
     body.force_n.setZero();
+    body.torque_n_m.setZero();
     body.heap.brake(slower);
   }
 }
@@ -176,6 +180,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     SolverBody& solver = solver_bodies_[static_cast<std::size_t>(next++)];
     solver = body.motion;
     solver.velocity_m_s += h * body.motion.inverse_mass_per_kg * body.force_n;
+    solver.angular_velocity_rad_s += h * body.motion.inverse_inertia_per_kg_m2 * body.torque_n_m;
   }
   for (std::size_t i = 0; i < solved_contacts_; ++i) rows_[i].b = solver_body_[contacts_[row_source_[i]].body];
 

@@ -67,6 +67,8 @@ class LocalWorld {
   [[nodiscard]] const Eigen::Vector3d& velocity_m_s() const noexcept { return velocity_m_s_; }
   /// Of all contacts on the proxy in the last step.
   [[nodiscard]] const Eigen::Vector3d& impulse_n_s() const noexcept { return impulse_n_s_; }
+  /// What kinematic bodies, which move whatever pushes, put into the proxy in the last step [J]; negative: took.
+  [[nodiscard]] double work_j() const noexcept { return work_j_; }
 
   /// What the proxy did to a body in the last step.
   struct Push {
@@ -90,12 +92,14 @@ class LocalWorld {
     bool used = false;
     bool named = false;  ///< By the answer that is being taken.
     bool moves = false;  ///< Something other than a static body.
+    bool driven = false;  ///< Kinematic: whatever pushes.
     std::uint32_t index = 0;
     std::uint64_t since_ns = 0;  ///< Known from then on.
     Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
     Eigen::Quaterniond turned = Eigen::Quaterniond::Identity();  ///< Since since_ns.
     SolverBody motion;
     Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
+    Eigen::Vector3d torque_n_m = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
     double friction_bound_n = 0.0;
     bool supported = false;
     bool jammed = false;                                  ///< Held by bodies that move themselves: a heap.
@@ -162,6 +166,7 @@ class LocalWorld {
   Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
+  double work_j_ = 0.0;
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
   double proxy_radius_m_ = 0.0;
   std::uint64_t good_until_ns_ = 0;

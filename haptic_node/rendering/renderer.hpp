@@ -42,6 +42,9 @@ struct RenderOutput {
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();           ///< On the hand, in D, before any safety.
   Eigen::Vector3d proxy_position_m = Eigen::Vector3d::Zero();  ///< Where the law takes the proxy to be, in D.
   Eigen::Vector3d proxy_velocity_m_s = Eigen::Vector3d::Zero();
+  /// What moves by itself in the world has put into the coupling in this cycle, where the law integrates the proxy;
+  /// with another law it comes from physics (ProxyView::work_j).
+  double world_work_j = 0.0;
 };
 
 /// One force law. One instance per loop; keeps its own history.

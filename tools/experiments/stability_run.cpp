@@ -131,8 +131,10 @@ class Watch {
     const double before_n = median(n / 4, n / 2, [](const Window& w) { return w.force_n.size(); });
     const double before_m = median(n / 4, n / 2, [](const Window& w) { return w.tip_m.size(); });
     const double faded = std::max(ratio(out_.swing_n, before_n, kSwingBarN), ratio(out_.swing_m, before_m, bar_m()));
+    // What has grown to the limit cannot grow on.
+    const bool saturated = out_.growing && out_.swing_n > 0.5 * limit_n_;
     out_.growing = !rested && large &&
-                   (grows([](const Window& w) { return w.force_n.size(); }, kSwingBarN) ||
+                   (saturated || grows([](const Window& w) { return w.force_n.size(); }, kSwingBarN) ||
                     grows([](const Window& w) { return w.tip_m.size(); }, bar_m()));
     if (out_.clamped_s > kClampBarS || out_.law_nonfinite > 0) {
       out_.outcome = StabilityOutcome::kDiverged;
@@ -201,7 +203,7 @@ double cpu_now_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// An oscillation that seems to grow, or not to end, is watched so many times as long.
+/// An oscillation that seems to grow, or not to end, is watched so many times as long; one that still grows once more.
 constexpr double kLongerLook = 2.0;
 
 void simulate(const StabilityCase& each, const std::string& session_file, const std::vector<std::string>& extra,
@@ -241,6 +243,7 @@ void simulate(const StabilityCase& each, const std::string& session_file, const 
   // What grows goes on growing, and what is steady is still there; what only builds up to what it is, was larger by
   // chance, or came of a loss of physics just now, is not.
   if (out.growing || out.outcome == StabilityOutcome::kDiverged) watch_until(each.end_s() + kLongerLook * watched_s);
+  if (out.growing) watch_until(each.end_s() + kLongerLook * kLongerLook * watched_s);
   out.settled_s = rested ? std::max(0.0, harness.now_s() - 2.0 * window_s - each.end_s()) : -1.0;
   out.simulated_s = harness.now_s();
 }

@@ -103,6 +103,41 @@ TEST_F(LocalWorldTest, GivesABodyWhatTheHandFeels) {
   EXPECT_NEAR(given_n_s, felt_n_s, 1e-12);
 }
 
+// Another hand turns the body that this one touches at its side: the surface comes along.
+TEST_F(LocalWorldTest, TurnsABodyByTheTorqueOfOthers) {
+  constexpr double kTorque_n_m = 1e-3, kInertia_kg_m2 = 1e-4;
+  world->reset({0.001, 0, 0});
+  ProxyContacts answer = body(0.0, 0.0, now_ns);
+  answer.body_centre_m[0] = {-0.01, -0.02, 0};  // the proxy is at the height of its upper edge
+  answer.body_inverse_inertia_per_kg_m2[0] = {1 / kInertia_kg_m2, 0, 0, 1 / kInertia_kg_m2, 0, 1 / kInertia_kg_m2};
+  answer.body_external_force_n[0] = {1e-9, 0, 0};  // held by nothing
+  answer.body_external_torque_n_m[0] = {0, 0, -kTorque_n_m};
+  world->take(answer, now_ns);
+  for (int i = 0; i < 40; ++i) EXPECT_EQ(tick(0.002), 0.0);
+  // α·t²/2: in 40 ms at 10 rad/s² it turns by 8 mrad, which brings the face 0.16 mm nearer.
+  double force_n = 0.0;
+  for (int i = 0; i < 12; ++i) force_n = std::max(force_n, tick(0.05e-3));
+  EXPECT_GT(force_n, 0.02) << "a face that had stayed at 0 would not be met";
+}
+
+TEST_F(LocalWorldTest, BooksTheWorkOfWhatMovesByItselfAlone) {
+  for (const std::uint32_t kind : {1U, 2U}) {
+    world->reset({0, 0, 0});
+    ProxyContacts answer = body(0.0, 0.02, now_ns);
+    answer.body_kind[0] = kind;
+    if (kind == 1U) answer.body_inverse_mass_per_kg[0] = 0.0;
+    world->take(answer, now_ns);
+    double work_j = 0.0, expected_j = 0.0;
+    for (int i = 0; i < 30; ++i) {
+      const double force_n = tick(-1e-3);
+      work_j += world->work_j();
+      expected_j += force_n * 0.02 * kStepS;
+    }
+    EXPECT_GT(expected_j, 0.0);
+    EXPECT_NEAR(work_j, kind == 1U ? expected_j : 0.0, 1e-12);
+  }
+}
+
 // The answer to a sample of 50 ms ago says that the body was 1 mm nearer than the local world had it then. The one
 // after it, to a sample from before that was known, says the same: there is nothing left to correct.
 TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
