@@ -30,6 +30,8 @@ constexpr double kCouplingDampingPerMassRate = 0.2;
 constexpr double kLeastDampingRatio = 0.2, kSlowPhysics = 1.5;
 /// What the passivity damper may make of one encoder step.
 constexpr double kDamperNoise_n = 0.05;
+/// `local_contact` holds (docs/results.md) for bodies down to this part of the tip's mass as the world sees it.
+constexpr double kLightestBody = 0.01;
 /// More shapes than these cost `direct` more than some microseconds in a tick.
 constexpr std::size_t kMaxDirectShapes = 32;
 
@@ -122,8 +124,21 @@ void read_safety(Map& entry, HapticConfig& out) {
   passivity.control = !(out.wire.paper && device.simulated);
 }
 
+/// Without `method`: the most exact one that the session allows. The pipe carries no contacts, and what the paper does
+/// not have cannot be as the paper has it. Two hands that hold one body are springs to each other, which neither of
+/// their local worlds knows; and a body that is very light beside the tip is thrown by the impulses of one step of
+/// physics.
+const char* default_method(const rtbus::config::SessionConfig& session, const rtbus::config::LinkConfig& wire,
+                           double tip_mass_kg) {
+  if (!session.physics) return "direct";
+  const auto& bodies = session.scene.bodies;
+  const bool light = std::any_of(bodies.begin(), bodies.end(), [tip_mass_kg](const auto& body) {
+    return body.mass_kg > 0.0 && body.mass_kg < kLightestBody * tip_mass_kg;
+  });
+  return wire.paper || wire.pipe || session.haptic.size() > 1 || light ? "remote_virtual_coupling" : "local_contact";
+}
+
 void read_method(Map& entry, const RendererEntry& method, HapticConfig& out) {
-  out.wire = rtbus::config::read_link_config(entry);
   if (out.wire.rate_hz && *out.wire.rate_hz > out.rate_hz) {
     entry.fail("link_rate_hz", "is above rate_hz = " + format_number(out.rate_hz) +
                                    " Hz: there is no newer state of the hand to send; lower it or leave it out");
@@ -225,9 +240,12 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
                               " samples and so, with clock: device, paces the loop; make them equal");
   }
 
+  read_mapping(entry, out);
+  out.wire = rtbus::config::read_link_config(entry);
+  const double tip_mass_kg = device.apparent_mass_kg * out.mapping.force_scale / out.mapping.position_scale;
   std::vector<std::string> methods;
   for (const RendererEntry& row : registered_renderers()) methods.emplace_back(row.name);
-  out.method = entry.choice("method", methods);
+  out.method = entry.choice("method", methods, default_method(session, out.wire, tip_mass_kg));
   const RendererEntry* method = find_renderer(out.method);
   if (method->needs_physics && !session.physics) {
     entry.fail("method", "needs physics, and the session has no physics section; add one, or use direct");
@@ -263,7 +281,6 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
                kCouplingDampingPerMassRate * device.apparent_mass_kg *
                    std::min(out.rate_hz, 2.0 * std::numbers::pi * out.velocity_cutoff_hz));
 
-  read_mapping(entry, out);
   if (entry.has("enable_button")) out.enable_button = static_cast<int>(entry.integer("enable_button", 0, 31, 0));
   if (out.enable_button >= 0 && out.enable_button == out.clutch_button) {
     entry.fail("enable_button", "is also mapping.clutch_button; give them different buttons");

@@ -110,7 +110,7 @@ std::vector<HapticEntry> read_haptic(Map& root) {
     out.push_back({std::move(name), std::move(map)});
   }
   if (out.empty()) {
-    root.fail("haptic", "needs at least one haptic node: a list with '- name: haptic0', its device and its method");
+    root.fail("haptic", "needs at least one haptic node: a list with '- name: haptic0', its device and its coupling");
   }
   if (out.size() > kMaxHapticNodes) {
     root.fail("haptic", "has more than " + std::to_string(kMaxHapticNodes) + " nodes");

@@ -129,6 +129,26 @@ TEST(HapticConfig, RaisesTheDampingOfACouplingToSlowPhysicsAndKeepsBoth) {
   EXPECT_LT(rendered({"physics.throttle_hz=18", "haptic.0.method=local_contact"}), 0.1);
 }
 
+// Without `method` a session gets the most exact one that its link and scene allow.
+TEST(HapticConfig, ChoosesTheMethodThatTheSessionAllows) {
+  const auto chosen = [](const char* file, const std::vector<std::string>& settings, std::size_t hand = 0) {
+    std::vector<Override> overrides{rtbus::config::parse_override("haptic." + std::to_string(hand) + ".method=null")};
+    for (const std::string& text : settings) overrides.push_back(rtbus::config::parse_override(text));
+    auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/" + file, overrides);
+    return haptic::read_haptic_config(session, hand).method;
+  };
+  EXPECT_EQ(chosen("wall.yaml", {}), "local_contact");
+  EXPECT_EQ(chosen("stack_125.yaml", {}), "local_contact");
+  EXPECT_EQ(chosen("soft.yaml", {}), "local_contact");
+  EXPECT_EQ(chosen("wall.yaml", {"physics=null"}), "direct");
+  EXPECT_EQ(chosen("wall.yaml", {"haptic.0.form=paper"}), "remote_virtual_coupling");
+  EXPECT_EQ(chosen("wall.yaml", {"haptic.0.link=pipe", "haptic.0.link_rate_hz=50", "physics.step_on=packet"}),
+            "remote_virtual_coupling");
+  EXPECT_EQ(chosen("two_hands.yaml", {}), "remote_virtual_coupling") << "each would have to know the other's spring";
+  EXPECT_EQ(chosen("beads_mm.yaml", {}), "remote_virtual_coupling") << "10 mg before a tip of 10 g";
+  EXPECT_EQ(chosen("beads_mm.yaml", {"scene.bodies.5.mass_kg=0.001"}), "local_contact");
+}
+
 class BadNode : public testing::TestWithParam<BadConfig> {};
 TEST_P(BadNode, IsRefusedWithItsReason) { EXPECT_TRUE(tests::fails_as_expected(GetParam(), read_everything)); }
 INSTANTIATE_TEST_SUITE_P(Files, BadNode, testing::ValuesIn(tests::bad_configs("node")), tests::bad_config_name);
