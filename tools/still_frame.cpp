@@ -18,6 +18,17 @@ std::string seconds_text(double seconds) {
   return text;
 }
 
+/// Where hand and proxy are in W. The hand is what pulls the proxy, unless the force law moves the proxy itself and
+/// tells physics where it has it.
+void place(const StillHandConfig& config, const rtbus::DeviceState& device, const rtbus::Telemetry& tick,
+           StillHand& out) {
+  out.target_m = vector_of(device.target_position_m);
+  if ((device.wants & rtbus::kOwnsProxy) == 0) return;
+  out.proxy_m = out.target_m;
+  const Eigen::Vector3d away_m = vector_of(tick.position_m) - vector_of(tick.proxy_position_m);
+  out.target_m += config.position_scale * (config.q_WD * away_m);
+}
+
 }  // namespace
 
 StillFrame frame_of(const rtbus::config::Scene& scene) {
@@ -32,7 +43,7 @@ StillFrame frame_of(const rtbus::config::Scene& scene) {
 }
 
 StillHandConfig hand_config(const haptic::HapticConfig& haptic, const physics::NodeConfig* physics) {
-  StillHandConfig out{haptic.name, 0.0, haptic.mapping.q_WD};
+  StillHandConfig out{haptic.name, 0.0, haptic.mapping.q_WD, haptic.mapping.position_scale};
   if (physics == nullptr) return out;
   for (const physics::ProxyConfig& proxy : physics->proxies) {
     if (proxy.device == haptic.name) out.radius_m = proxy.radius_m;
@@ -49,7 +60,6 @@ StillFrame frame_of(const rtbus::config::Scene& scene, const Harness& harness,
     const haptic::HapticConfig& config = harness.config(i);
     StillHand hand;
     hand.name = config.name;
-    hand.target_m = vector_of(harness.device_state(i).target_position_m);
     hand.force_n = config.mapping.q_WD * vector_of(ticks[i].force_n);
     if (stepper != nullptr) {
       hand.radius_m = stepper->proxy(i).radius_m;
@@ -57,6 +67,7 @@ StillFrame frame_of(const rtbus::config::Scene& scene, const Harness& harness,
     } else {
       hand.proxy_m = haptic::Mapping(config.mapping).position_to_world(vector_of(ticks[i].proxy_position_m));
     }
+    place(hand_config(config, nullptr), harness.device_state(i), ticks[i], hand);
     frame.hands.push_back(hand);
   }
   for (std::size_t i = 0; stepper != nullptr && i < frame.poses.size(); ++i) {
@@ -189,8 +200,9 @@ bool BusFrames::drain() {
     StillHand out;
     out.name = hand.config.name;
     out.radius_m = hand.config.radius_m;
-    out.target_m = vector_of(hand.device_now.value.target_position_m);
-    out.proxy_m = hand.proxy_now.sequence > 0 ? vector_of(hand.proxy_now.value.position_m) : out.target_m;
+    out.proxy_m = vector_of(hand.proxy_now.sequence > 0 ? hand.proxy_now.value.position_m
+                                                        : hand.device_now.value.target_position_m);
+    place(hand.config, hand.device_now.value, hand.tick_now.value, out);
     out.force_n = hand.config.q_WD * vector_of(hand.tick_now.value.force_n);
     newest_.hands.push_back(out);
   }

@@ -46,6 +46,7 @@ struct StillHandConfig {
   std::string name;
   double radius_m = 0.0;
   Eigen::Quaterniond q_WD = Eigen::Quaterniond::Identity();
+  double position_scale = 1.0;
 };
 [[nodiscard]] StillHandConfig hand_config(const haptic::HapticConfig& haptic, const physics::NodeConfig* physics);
 

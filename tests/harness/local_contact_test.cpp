@@ -11,6 +11,7 @@
 #include "tools/experiments/fall.hpp"
 #include "tools/experiments/force_profile.hpp"
 #include "tools/harness/harness.hpp"
+#include "tools/still_frame.hpp"
 
 namespace {
 
@@ -269,6 +270,20 @@ TEST(LocalContact, TwoHandsLiftABlock) {
     EXPECT_NEAR(tick.force_n[1], -0.49, 0.1) << "and half of its weight";
   });
   EXPECT_NEAR(squeeze_n, 1.45, 0.2);
+}
+
+// Physics is told where the law has the proxy, not where the hand is. A picture shows both.
+TEST(LocalContact, IsDrawnWithTheHandApartFromTheProxy) {
+  const Settings settings{"haptic.0.method=local_contact", "haptic.0.mapping.position_scale=2"};
+  Harness harness = harness_of("wall.yaml", settings);
+  Telemetry tick;
+  harness.run(4.0, [&tick](const Telemetry& now) { tick = now; });
+  const auto session = rtbus::config::load_session(config("wall.yaml"));
+  const tools::StillFrame frame = tools::frame_of(session.scene, harness, {&tick, 1});
+  ASSERT_EQ(frame.hands.size(), 1U);
+  EXPECT_GT(tick.rendered_force_n[1], 0.2);
+  EXPECT_NEAR(frame.hands[0].proxy_m.y(), 0.0, 1e-6) << "on the wall";
+  EXPECT_NEAR(frame.hands[0].target_m.y(), 2.0 * tick.position_m[1], 1e-9) << "in it";
 }
 
 TEST(LocalContact, RepeatsBitForBit) {
