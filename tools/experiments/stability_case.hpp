@@ -28,11 +28,11 @@ enum class StabilityHand : std::uint8_t { kNone, kSoft, kStiff };
 
 enum class StabilityShape : std::uint8_t { kPlane, kSphere, kBox };
 
-/// The declared envelope: within it the default method has no diverged case; the other that is made for slow physics is
-/// drawn there too. docs/results.md says the same in words.
+/// The declared envelope: within it neither of the methods that are made for slow physics, one of which a session gets
+/// when it names none, has a diverged case. docs/results.md says the same in words.
 struct StabilityEnvelope {
-  static constexpr const char* kMethod = "remote_virtual_coupling";
-  static constexpr const char* kOtherMethod = "local_contact";
+  static constexpr const char* kRemote = "remote_virtual_coupling";
+  static constexpr const char* kLocal = "local_contact";
   static constexpr const char* kDevice = "phantom_desktop";
   static constexpr double kHapticHz = 1000.0;
   static constexpr double kMaxStiffnessNPerM = 2000.0;
@@ -48,7 +48,7 @@ struct StabilityEnvelope {
 struct StabilityCase {
   std::uint64_t seed = 0;  ///< draw_case(seed) makes it again; 0: not drawn.
   bool envelope = false;   ///< Every figure lies in StabilityEnvelope.
-  std::string method = StabilityEnvelope::kMethod;
+  std::string method = StabilityEnvelope::kRemote;
   bool paper = false;
   StabilityTask task = StabilityTask::kDrop;
   StabilityHand hand = StabilityHand::kNone;

@@ -143,18 +143,18 @@ StabilityCase draw_second(std::uint64_t seed) {
   const double kind = random.fraction();
   if (kind < 0.60) {
     draw_envelope(random, out);
-    if (kind >= 0.35) out.method = StabilityEnvelope::kOtherMethod;
+    if (kind >= 0.35) out.method = StabilityEnvelope::kLocal;
   } else {
     draw_wide(random, 10.0, out);
     out.paper = kind >= 0.93;
-    if (kind >= 0.77) out.method = StabilityEnvelope::kOtherMethod;
+    if (kind >= 0.77) out.method = StabilityEnvelope::kLocal;
     if (kind >= 0.87) out.method = one_of(improved, random);
     if (out.paper) out.method = one_of(published, random);
   }
   const bool bodies = kBullet && haptic::find_renderer(out.method)->needs_physics;
   out.hand = static_cast<StabilityHand>(random.below(3));
   const double share = random.fraction();
-  if (bodies && !out.envelope && share < 0.08 && out.method != StabilityEnvelope::kOtherMethod) {
+  if (bodies && !out.envelope && share < 0.08 && out.method != StabilityEnvelope::kLocal) {
     draw_soft(random, out);
   } else if (bodies && !out.envelope && share >= 0.08 && share < 0.16) {
     draw_fall(random, out);

@@ -125,14 +125,14 @@ std::vector<StabilityMap> run_maps(const StabilityOptions& options, int jobs,
       add(std::move(map), name, paper, rate, true);
     }
   }
-  for (const char* const name : {"direct", StabilityEnvelope::kMethod, StabilityEnvelope::kOtherMethod}) {
+  for (const char* const name : {"direct", StabilityEnvelope::kRemote, StabilityEnvelope::kLocal}) {
     StabilityMap map{std::string("map_damping_") + name,
                      std::string(name) + ": worst of no, soft and stiff hand, loop and physics at 1 kHz",
                      "damping asked for [N s/m]",
                      "stiffness asked for [N/m]",
                      {},
                      {}};
-    const double delay_s = std::string(name) == StabilityEnvelope::kMethod ? 1.5e-3 : 0.0;  // to the hand's own motion
+    const double delay_s = std::string(name) == StabilityEnvelope::kRemote ? 1.5e-3 : 0.0;  // to the hand's own motion
     map.lines = {
         {"(" + number(kViscousNSPerM) + ">x?2*(" + number(kViscousNSPerM) + "-x)/" + number(kPeriodS) + ":NaN)",
          "K = 2(b - B)/T (passivity)"},
