@@ -40,10 +40,6 @@ double loosest_support(const rtbus::ProxyContacts& answer, std::size_t row) noex
   return out;
 }
 
-double seconds_from(std::uint64_t from_ns, std::uint64_t to_ns) noexcept {
-  return to_ns >= from_ns ? rtbus::seconds_between(from_ns, to_ns) : -rtbus::seconds_between(to_ns, from_ns);
-}
-
 }  // namespace
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
@@ -58,6 +54,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   soft_.take(answer, position_m_, blend_s_);
   take_bodies(answer, now_ns);
   take_supports(answer);
+  catch_up(answer, now_ns);
   take_contacts(answer);
   for (Body& body : bodies_) {
     const auto slot = static_cast<std::size_t>(&body - bodies_.data());
@@ -89,107 +86,48 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   return 0;
 }
 
-bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept {
-  if (instant_count_ == 0 || time_ns < body.since_ns) return false;
-  // The first instant that is later, by halving; the ring keeps the newest kInstants.
-  std::uint64_t low = instant_count_ > kInstants ? instant_count_ - kInstants : 0;
-  std::uint64_t high = instant_count_;
-  while (low < high) {
-    const std::uint64_t middle = low + (high - low) / 2;
-    if (instants_[middle % kInstants].time_ns <= time_ns)
-      low = middle + 1;
-    else
-      high = middle;
-  }
-  const std::uint64_t oldest = instant_count_ > kInstants ? instant_count_ - kInstants : 0;
-  if (low == oldest) return false;
-  const Instant& before = instants_[(low - 1) % kInstants];
-  const Past& past = before.bodies[slot];
-  if (!past.used || past.index != body.index) return false;
-  out = past;
-  if (low == instant_count_) {
-    out.centre_m += past.velocity_m_s * rtbus::seconds_between(before.time_ns, time_ns);
-    return true;
-  }
-  const Instant& after = instants_[low % kInstants];
-  const Past& next = after.bodies[slot];
-  if (!next.used || next.index != body.index) return true;
-  const double share =
-      rtbus::seconds_between(before.time_ns, time_ns) / rtbus::seconds_between(before.time_ns, after.time_ns);
-  out.centre_m += share * (next.centre_m - past.centre_m);
-  out.velocity_m_s += share * (next.velocity_m_s - past.velocity_m_s);
-  out.given_n_s += share * (next.given_n_s - past.given_n_s);
-  out.angular_velocity_rad_s += share * (next.angular_velocity_rad_s - past.angular_velocity_rad_s);
-  out.turned = past.turned.slerp(share, next.turned);
-  return true;
-}
-
+/// Bodies as of the answer's instant; those of a heap as of now.
 void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   for (Body& body : bodies_) body.named = false;
   const double age_s = answer.device_time_ns < now_ns ? rtbus::seconds_between(answer.device_time_ns, now_ns) : 0.0;
   for (std::size_t row = 0; row < rigid_rows_; ++row) {
     const std::size_t slot = slot_of(answer.body_index[row]);
     Body& body = bodies_[slot];
-    const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
-    const Vector3d velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
-    const Vector3d rate_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
-    Past then;
-    const bool known = body.used && past_of(body, slot, answer.device_time_ns, then);
-    const bool jammed = take_heap(answer, row, body, known ? &then : nullptr, age_s);
-    // The instant was remembered before the last answers put it right.
-    for (const Correction& made : body.corrections) {
-      if (made.made_ns <= answer.device_time_ns) continue;
-      then.centre_m += made.way_m + made.speed_m_s * seconds_from(made.sample_ns, answer.device_time_ns);
-      then.velocity_m_s += made.speed_m_s;
-      then.angular_velocity_rad_s += made.rate_rad_s;
-    }
-    Quaterniond turned = Quaterniond::Identity();
-    if (known) turned = (body.turned * then.turned.conjugate()).normalized();
-    if (known && !jammed) {
-      const Vector3d faster_m_s = velocity_m_s - then.velocity_m_s;
-      body.centre_m += centre_m - then.centre_m + age_s * faster_m_s;
-      body.motion.velocity_m_s += faster_m_s;
-      body.motion.angular_velocity_rad_s += rate_rad_s - then.angular_velocity_rad_s;
-      body.corrections[body.next_correction++ % kCorrections] = {now_ns, answer.device_time_ns,
-                                                                 centre_m - then.centre_m, faster_m_s,
-                                                                 rate_rad_s - then.angular_velocity_rad_s};
-    } else if (!known) {
-      // New, or so new that the answer is to a sample from before it.
-      const std::uint64_t since_ns = body.used ? body.since_ns : now_ns;
-      const LocalHeap heap = body.heap;
+    if (!body.used) {
       body = Body{};
-      body.heap = heap;
       body.index = answer.body_index[row];
-      body.since_ns = since_ns;
-      body.centre_m = centre_m + age_s * (jammed ? heap.speed_m_s() : velocity_m_s);
-      body.motion.velocity_m_s = velocity_m_s;
-      body.motion.angular_velocity_rad_s = rate_rad_s;
+      body.since_ns = now_ns;
+    }
+    // Of what it had been given before it was known, nothing is known, nor is any of that ours.
+    Past then;
+    if (!past_of(body, slot, answer.device_time_ns, then)) then = Past{};
+    body.centre_m = vector_of(answer.body_centre_m[row]);
+    body.jammed = take_heap(answer, row, body, then.given_n_s, age_s);
+    if (!body.jammed) {
+      body.motion.velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
+      body.motion.angular_velocity_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
     }
     body.used = body.named = true;
-    body.jammed = jammed;
     body.told_ns = answer.device_time_ns;
-    body.told_centre_m = centre_m;
-    body.told_given_n_s = known ? then.given_n_s : Vector3d(Vector3d::Zero());
+    body.told_centre_m = vector_of(answer.body_centre_m[row]);
+    body.told_given_n_s = then.given_n_s;
     body.moves = answer.body_kind[row] != 0;
-    const Matrix3d R = turned.toRotationMatrix();
     body.motion.inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
-    body.motion.inverse_inertia_per_kg_m2 = R * matrix_of(answer.body_inverse_inertia_per_kg_m2[row]) * R.transpose();
+    body.motion.inverse_inertia_per_kg_m2 = matrix_of(answer.body_inverse_inertia_per_kg_m2[row]);
     body.force_n = vector_of(answer.body_external_force_n[row]);
     body.friction_bound_n = answer.body_friction_bound_n[row];
     body.supported = false;
     slot_of_row_[row] = slot;
-    turned_since_[row] = turned;
+    turned_since_[row].setIdentity();
   }
 }
 
-/// @returns whether other bodies that can move hold this one: a heap. Then where it is now follows from where it was
-/// told to be, not from what it had been predicted to be: no error of a prediction outlives its answer.
-bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body, const Past* then,
+/// @returns whether other bodies that can move hold this one: a heap.
+bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body, const Vector3d& given_n_s,
                            double age_s) noexcept {
   const double loosest = loosest_support(answer, row);
   if (loosest <= 0.0) return false;
-  const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
-  const Vector3d given_n_s = then != nullptr ? then->given_n_s : Vector3d(Vector3d::Zero());
+  const Vector3d centre_m = body.centre_m;
   LocalHeap& heap = body.heap;
   heap.set_mobility(kHeapMobility_s * loosest);
   if (body.used && body.told_ns != 0 && answer.device_time_ns > body.told_ns) {
@@ -200,9 +138,7 @@ bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, 
   } else if (!body.used) {
     heap.forget();
   }
-  if (then == nullptr) return true;
   body.centre_m = centre_m + heap.way_m(body.given_n_s - given_n_s, age_s);
-  body.corrections = {};
   return true;
 }
 
@@ -219,8 +155,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
     support = Support{};
     support.body = slot_of_row_[row];
     Body& body = bodies_[support.body];
-    support.from_centre_m =
-        turned_since_[row] * (vector_of(answer.support_point_m[i]) - vector_of(answer.body_centre_m[row]));
+    support.from_centre_m = vector_of(answer.support_point_m[i]) - vector_of(answer.body_centre_m[row]);
     support.normal = vector_of(answer.support_normal[i]);
     // What touches moves as one along the normal; a solver leaves a remainder.
     support.velocity_m_s = vector_of(answer.support_velocity_m_s[i]);

@@ -15,12 +15,6 @@ using Eigen::Vector3d;
 /// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
 constexpr double kSupportSoftness = 0.02;
 
-Quaterniond turn(const Vector3d& rate_rad_s, double h) noexcept {
-  const double angle = rate_rad_s.norm() * h;
-  if (angle <= 0.0) return Quaterniond::Identity();
-  return Quaterniond(Eigen::AngleAxisd(angle, rate_rad_s.normalized()));
-}
-
 }  // namespace
 
 void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
@@ -52,6 +46,7 @@ void LocalWorld::roll(Contact& contact) const noexcept {
 
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   now_ns_ = sample_ns;
+  tick_s_ = h;
   hand_m_s_ += -std::expm1(-h / kHandSpeed_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   push_count_ = 0;
@@ -87,9 +82,11 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     contact.impulse_n_s = rows_[i].impulse_n_s;
     if (contact.impulse_n_s.isZero(0.0)) continue;
     impulse_n_s_ += contact.impulse_n_s;
-    bodies_[contact.body].given_n_s -= contact.impulse_n_s;
+    Body& body = bodies_[contact.body];
+    body.given_n_s -= contact.impulse_n_s;
+    body.given_n_m_s -= contact.from_centre_m.cross(contact.impulse_n_s);
     push_slot_[push_count_] = contact.body;
-    pushes_[push_count_++] = {bodies_[contact.body].index, -contact.impulse_n_s, contact.from_centre_m};
+    pushes_[push_count_++] = {body.index, -contact.impulse_n_s, contact.from_centre_m};
   }
   for (std::size_t i = 0; i < soft; ++i) {
     if (soft_rows[i].impulse_n_s.isZero(0.0)) continue;
@@ -126,7 +123,7 @@ void LocalWorld::blend(double h) noexcept {
     if (!body.used) continue;
     body.motion.velocity_m_s *= slower;
     body.motion.angular_velocity_rad_s *= slower;
-    body.force_n.setZero();
+    if (!body.supported) body.force_n.setZero();  // what stands on something is held there by its weight
     body.heap.brake(slower);
   }
 }
@@ -187,23 +184,41 @@ std::size_t LocalWorld::gather(double h) noexcept {
       support.torsion_n_m_s = 0.0;
       continue;
     }
-    const Body& body = bodies_[support.body];
-    SolverContact& row = rows_[rows];
-    row = SolverContact{};
-    row.a = held;
-    row.normal = support.normal;
-    row.from_a_m = support.from_centre_m;
-    row.surface_velocity_m_s = support.velocity_m_s;
-    row.friction = support.friction;
-    row.torsion_radius_m = support.torsion_radius_m;
-    row.softness_per_kg = kSupportSoftness * body.motion.inverse_mass_per_kg;
-    row.expected_n_s = support.force_n * h;
-    row.impulse_n_s = support.impulse_n_s;
-    row.torsion_n_m_s = support.torsion_n_m_s;
-    if (!body.supported) row.held_n_s = body.friction_bound_n * h;
+    rows_[rows] = support_row(support, h);
+    rows_[rows].a = held;
     row_source_[rows++] = i;
   }
   return rows;
+}
+
+/// Of body 0.
+SolverContact LocalWorld::support_row(const Support& support, double h) const noexcept {
+  const Body& body = bodies_[support.body];
+  SolverContact row;
+  row.normal = support.normal;
+  row.from_a_m = support.from_centre_m;
+  row.surface_velocity_m_s = support.velocity_m_s;
+  row.friction = support.friction;
+  row.torsion_radius_m = support.torsion_radius_m;
+  row.softness_per_kg = kSupportSoftness * body.motion.inverse_mass_per_kg;
+  row.expected_n_s = support.force_n * h;
+  row.impulse_n_s = support.impulse_n_s;
+  row.torsion_n_m_s = support.torsion_n_m_s;
+  if (!body.supported) row.held_n_s = body.friction_bound_n * h;
+  return row;
+}
+
+void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
+  if (push_slot_[push] >= kBodies) return;  // soft: not carried forward by impulses
+  Body& body = bodies_[push_slot_[push]];
+  const Vector3d more_n_s = impulse_n_s - pushes_[push].impulse_n_s;
+  const Vector3d more_n_m_s = pushes_[push].from_centre_m.cross(more_n_s);
+  body.given_n_s += more_n_s;
+  body.given_n_m_s += more_n_m_s;
+  Instant& newest = instants_[(instant_count_ - 1) % kInstants];
+  if (instant_count_ == 0 || newest.time_ns != now_ns_) return;
+  newest.bodies[push_slot_[push]].given_n_s += more_n_s;
+  newest.bodies[push_slot_[push]].given_n_m_s += more_n_m_s;
 }
 
 void LocalWorld::integrate(double h) noexcept {
@@ -223,8 +238,7 @@ void LocalWorld::integrate(double h) noexcept {
     }
     body.centre_m += h * body.motion.velocity_m_s;
     if (body.motion.angular_velocity_rad_s.isZero(0.0)) continue;
-    const Quaterniond turned = turn(body.motion.angular_velocity_rad_s, h);
-    body.turned = (turned * body.turned).normalized();
+    const Quaterniond turned = turn_of(body.motion.angular_velocity_rad_s, h);
     for (std::size_t i = 0; i < contact_count_; ++i) {
       if (contacts_[i].body != slot) continue;
       contacts_[i].from_centre_m = turned * contacts_[i].from_centre_m;
@@ -256,11 +270,8 @@ void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
     past.used = body.used && body.moves;
     if (!past.used) continue;
     past.index = body.index;
-    past.centre_m = body.centre_m;
-    past.velocity_m_s = body.motion.velocity_m_s;
-    past.angular_velocity_rad_s = body.motion.angular_velocity_rad_s;
-    past.turned = body.turned;
     past.given_n_s = body.given_n_s;
+    past.given_n_m_s = body.given_n_m_s;
   }
 }
 
