@@ -229,6 +229,15 @@ void LocalWorld::hold_by_supports(std::size_t slot) noexcept {
   }
 }
 
+/// @returns whether the answer has a contact with that body whose normal is about that one.
+bool LocalWorld::names(const rtbus::ProxyContacts& answer, std::size_t row, const Vector3d& normal) const noexcept {
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+    if (answer.contact_body[i] != row) continue;
+    if (normal.dot(turned_since_[row] * vector_of(answer.contact_normal[i])) > kSameContact) return true;
+  }
+  return false;
+}
+
 void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
   auto& old = old_contacts_;
   const std::size_t old_count = contact_count_;
@@ -254,6 +263,21 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
       if (matched[j] || old[j].body != contact.body || cosine <= best_cosine) continue;
       best = j;
       best_cosine = cosine;
+    }
+    if (best == old_count && gap_m < 0.0) {
+      // Deep inside of a body its nearest surface may be another one in each answer: a way out, once begun, is kept.
+      for (std::size_t j = 0; j < old_count && best == old_count; ++j) {
+        const bool leads_out = !matched[j] && old[j].body == contact.body && !old[j].impulse_n_s.isZero(0.0) &&
+                               gap_of(old[j]) < 0.0 && old[j].normal.dot(contact.normal) < 0.0;
+        if (leads_out && !names(answer, row, old[j].normal)) best = j;
+      }
+      if (best < old_count) {
+        matched[best] = true;
+        contact = old[best];
+        contact.offset_m = old[best].gap_m - gap_of(contact);
+        contact.fades = false;
+        continue;
+      }
     }
     if (best < old_count) {
       matched[best] = true;
