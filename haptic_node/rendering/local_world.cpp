@@ -128,6 +128,17 @@ void LocalWorld::blend(double h) noexcept {
   }
 }
 
+/// What the proxy rubs against on a heap. Along the normal the heap moves as it is known to. Across it, it goes along
+/// with the hand, as far as both move the same way, and else stands: were the proxy dragged by what an answer says, the
+/// spring to the hand would pull the body back one and a half periods late, and stacks swing under a hand at rest.
+Vector3d LocalWorld::heap_surface_m_s(const Body& body, const Vector3d& normal) const noexcept {
+  const Vector3d hand_m_s = hand_m_s_ - normal.dot(hand_m_s_) * normal;
+  const double square = hand_m_s.squaredNorm();
+  Vector3d out = normal.dot(body.heap.free_m_s()) * normal;
+  if (square > 0.0) out += std::clamp(hand_m_s.dot(body.heap.speed_m_s()) / square, 0.0, 1.0) * hand_m_s;
+  return out;
+}
+
 /// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part.
 std::size_t LocalWorld::gather(double h) noexcept {
   std::array<bool, kBodies> takes_part{};
@@ -153,7 +164,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     row.friction = contact.friction;
     row.impulse_n_s = contact.impulse_n_s;
     if (body.jammed) {
-      row.surface_velocity_m_s = body.heap.free_m_s();
+      row.surface_velocity_m_s = heap_surface_m_s(body, row.normal);
       row.softness_per_kg = body.heap.mobility_m_s_n() / h;
       row.advance_m_s = body.heap.advance_m_s(row.normal);
     }

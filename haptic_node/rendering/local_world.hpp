@@ -160,6 +160,7 @@ class LocalWorld {
   [[nodiscard]] double gap_of(const Contact& contact) const noexcept;
   void roll(Contact& contact) const noexcept;
   void blend(double h) noexcept;
+  [[nodiscard]] Eigen::Vector3d heap_surface_m_s(const Body& body, const Eigen::Vector3d& normal) const noexcept;
   std::size_t gather(double h) noexcept;
   void integrate(double h) noexcept;
   void remember(std::uint64_t sample_ns) noexcept;
