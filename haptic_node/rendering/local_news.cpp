@@ -48,8 +48,11 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   blend_s_ = std::max(kBlend_s, kBlendSteps * answer.step_s);
   heap_blend_s_ = std::max(kBlend_s, kHeapBlendSteps * answer.step_s);
   proxy_radius_m_ = answer.proxy_radius_m;
-  // The gaps as felt, before anything is moved.
-  for (std::size_t i = 0; i < contact_count_; ++i) contacts_[i].gap_m = gap_of(contacts_[i]) + contacts_[i].offset_m;
+  // Gaps and velocities as felt, before anything is moved.
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    contacts_[i].gap_m = gap_of(contacts_[i]) + contacts_[i].offset_m;
+    contacts_[i].late_m_s += surface_m_s(contacts_[i]);
+  }
   rigid_rows_ = LocalSoft::rigid_rows(answer);
   soft_.take(answer, position_m_, blend_s_);
   take_bodies(answer, now_ns);
@@ -275,6 +278,7 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
         matched[best] = true;
         contact = old[best];
         contact.offset_m = old[best].gap_m - gap_of(contact);
+        contact.late_m_s.setZero();
         contact.fades = false;
         continue;
       }
@@ -285,6 +289,11 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
     }
     if (!contact.impulse_n_s.isZero(0.0)) {
       contact.offset_m = old[best].gap_m - gap_m;
+      if (!bodies_[contact.body].jammed) {
+        contact.late_m_s = old[best].late_m_s - surface_m_s(contact);
+        const double late = contact.late_m_s.norm();
+        if (late > kRecovery_m_s) contact.late_m_s *= kRecovery_m_s / late;
+      }
     } else if (gap_m < 0.0) {
       contact.offset_m = -gap_m;
     }
@@ -294,6 +303,7 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
     Contact& contact = contacts_[contact_count_++];
     contact = old[j];
     contact.offset_m += old[j].gap_m - (gap_of(contact) + contact.offset_m);  // its body may have been moved
+    contact.late_m_s.setZero();
     contact.fades = true;
   }
 }

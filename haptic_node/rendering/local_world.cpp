@@ -35,6 +35,11 @@ double LocalWorld::gap_of(const Contact& contact) const noexcept {
   return (position_m_ - point + contact.radius_m * contact.normal).norm() - contact.radius_m - proxy_radius_m_;
 }
 
+Vector3d LocalWorld::surface_m_s(const Contact& contact) const noexcept {
+  const SolverBody& body = bodies_[contact.body].motion;
+  return body.velocity_m_s + body.angular_velocity_rad_s.cross(contact.from_centre_m);
+}
+
 /// On a ball the contact goes where the proxy goes.
 void LocalWorld::roll(Contact& contact) const noexcept {
   const Vector3d middle = contact.from_centre_m - contact.radius_m * contact.normal;
@@ -112,6 +117,7 @@ void LocalWorld::blend(double h) noexcept {
     } else {
       const double part = bodies_[contact.body].jammed ? heap_share : share;
       contact.offset_m -= std::min(part * contact.offset_m, kRecovery_m_s * h);
+      contact.late_m_s *= 1.0 - share;
     }
     if (kept != i) contacts_[kept] = contact;
     ++kept;
@@ -147,7 +153,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact);
     const Body& body = bodies_[contact.body];
-    const Vector3d surface = body.motion.velocity_m_s + body.motion.angular_velocity_rad_s.cross(contact.from_centre_m);
+    const Vector3d surface = surface_m_s(contact) + contact.late_m_s;
     contact.gap_m = gap_of(contact) + contact.offset_m;
     const double way_m = -contact.normal.dot(solver_bodies_[0].velocity_m_s - surface) * h;
     if (rows == kSolved || contact.gap_m > way_m + kReach_m) {
@@ -185,7 +191,11 @@ std::size_t LocalWorld::gather(double h) noexcept {
     solver = body.motion;
     solver.velocity_m_s += h * body.motion.inverse_mass_per_kg * body.force_n;
   }
-  for (std::size_t i = 0; i < solved_contacts_; ++i) rows_[i].b = solver_body_[contacts_[row_source_[i]].body];
+  for (std::size_t i = 0; i < solved_contacts_; ++i) {
+    const Contact& contact = contacts_[row_source_[i]];
+    rows_[i].b = solver_body_[contact.body];
+    if (rows_[i].b >= 0) rows_[i].surface_velocity_m_s = contact.late_m_s;
+  }
 
   for (std::size_t i = 0; i < support_count_; ++i) {
     Support& support = supports_[i];
@@ -235,6 +245,9 @@ void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
 void LocalWorld::integrate(double h) noexcept {
   velocity_m_s_ = solver_bodies_[0].velocity_m_s;
   position_m_ += h * velocity_m_s_;
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    contacts_[i].offset_m -= h * contacts_[i].normal.dot(contacts_[i].late_m_s);
+  }
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     Body& body = bodies_[slot];
     if (!body.used || !body.moves) continue;

@@ -115,6 +115,7 @@ class LocalWorld {
     double friction = 0.0;
     double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
+    Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity: likewise.
     bool fades = false;                                     ///< Physics does not know it any more.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
   };
@@ -158,6 +159,7 @@ class LocalWorld {
                            const Eigen::Vector3d& normal) const noexcept;
   void hold_by_supports(std::size_t slot) noexcept;
   [[nodiscard]] double gap_of(const Contact& contact) const noexcept;
+  [[nodiscard]] Eigen::Vector3d surface_m_s(const Contact& contact) const noexcept;
   void roll(Contact& contact) const noexcept;
   void blend(double h) noexcept;
   [[nodiscard]] Eigen::Vector3d heap_surface_m_s(const Body& body, const Eigen::Vector3d& normal) const noexcept;
