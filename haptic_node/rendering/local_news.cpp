@@ -14,11 +14,14 @@ using Eigen::Vector3d;
 
 /// Two normals of one body that are nearer than this belong to one contact.
 constexpr double kSameContact = 0.5;
+/// A proxy without a size is deep in a body from here on.
+constexpr double kDeep_m = 1e-3;
 /// So many points of a support make a patch, on which a body stands without tilting.
 constexpr std::uint32_t kPatchPoints = 3;
 /// Friction of a patch resists spin with its bound at this many radii of gyration: four corners of a square.
 constexpr double kPatchRadius = 1.7;
-/// A push that lasts makes a heap as much faster as the lightest neighbour of the body would get in this time.
+/// A push that lasts makes a heap as much faster as the lightest neighbour of the body, or the body itself where that is
+/// heavier, would get in this time.
 constexpr double kHeapMobility_s = 0.2e-3;
 /// An answer is good for its period, which has one more to go until the next must be here, and a little more.
 constexpr double kGoodFor = 1.5;
@@ -132,7 +135,7 @@ bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, 
   if (loosest <= 0.0) return false;
   const Vector3d centre_m = body.centre_m;
   LocalHeap& heap = body.heap;
-  heap.set_mobility(kHeapMobility_s * loosest);
+  heap.set_mobility(kHeapMobility_s * std::min(loosest, answer.body_inverse_mass_per_kg[row]));
   if (body.used && body.told_ns != 0 && answer.device_time_ns > body.told_ns) {
     // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
     const double apart_s = rtbus::seconds_between(body.told_ns, answer.device_time_ns);
@@ -241,6 +244,20 @@ bool LocalWorld::names(const rtbus::ProxyContacts& answer, std::size_t row, cons
   return false;
 }
 
+/// @returns whether the proxy's centre is inside of the body of that contact, and the way out leads into another body.
+bool LocalWorld::blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m) const noexcept {
+  if (gap_m > -std::max(proxy_radius_m_, kDeep_m)) return false;
+  const Vector3d normal = vector_of(answer.contact_normal[contact]);
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+    if (answer.contact_body[i] == answer.contact_body[contact]) continue;
+    const Vector3d other = vector_of(answer.contact_normal[i]);
+    const Vector3d there_m = position_m_ - gap_m * normal;
+    const bool opposes = other.dot(normal) < -kSameContact;
+    if (opposes && other.dot(there_m - vector_of(answer.contact_point_m[i])) < proxy_radius_m_) return true;
+  }
+  return false;
+}
+
 void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
   auto& old = old_contacts_;
   const std::size_t old_count = contact_count_;
@@ -282,6 +299,10 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
         contact.fades = false;
         continue;
       }
+    }
+    if (best == old_count && blocked(answer, i, gap_m)) {
+      --contact_count_;
+      continue;
     }
     if (best < old_count) {
       matched[best] = true;

@@ -68,6 +68,7 @@ void LocalWorld::replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t n
     for (std::size_t i = 0; i < support_count_; ++i) {
       if (supports_[i].body != slot) continue;
       rows_[rows] = support_row(supports_[i], h);
+      rows_[rows].softness_per_kg *= tick_s / h;  // gives way as fast as it does tick by tick
       rows_[rows].impulse_n_s = supports_[i].force_n * h * supports_[i].normal;
       rows_[rows].torsion_n_m_s = 0.0;
       source[rows++] = i;

@@ -155,6 +155,7 @@ class LocalWorld {
   void move_heap(std::size_t slot, double h) noexcept;
   void take_supports(const rtbus::ProxyContacts& answer) noexcept;
   void take_contacts(const rtbus::ProxyContacts& answer) noexcept;
+  [[nodiscard]] bool blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m) const noexcept;
   [[nodiscard]] bool names(const rtbus::ProxyContacts& answer, std::size_t row,
                            const Eigen::Vector3d& normal) const noexcept;
   void hold_by_supports(std::size_t slot) noexcept;
