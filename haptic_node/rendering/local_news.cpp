@@ -50,6 +50,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   instant_apart_ns_ = static_cast<std::uint64_t>(kPastSteps * answer.step_s * 1e9 / kInstants);
   blend_s_ = std::max(kBlend_s, kBlendSteps * answer.step_s);
   heap_blend_s_ = std::max(kBlend_s, kHeapBlendSteps * answer.step_s);
+  rock_blend_s_ = std::max(kRockBlend_s, kHeapBlendSteps * answer.step_s);
   proxy_radius_m_ = answer.proxy_radius_m;
   // Gaps and velocities as felt, before anything is moved.
   for (std::size_t i = 0; i < contact_count_; ++i) {
@@ -122,7 +123,7 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     body.motion.inverse_inertia_per_kg_m2 = matrix_of(answer.body_inverse_inertia_per_kg_m2[row]);
     body.force_n = vector_of(answer.body_external_force_n[row]);
     body.friction_bound_n = answer.body_friction_bound_n[row];
-    body.supported = false;
+    body.supported = body.rocks = false;
     slot_of_row_[row] = slot;
     turned_since_[row].setIdentity();
   }
@@ -218,6 +219,7 @@ void LocalWorld::hold_by_supports(std::size_t slot) noexcept {
     normal = support.normal;
     patch = true;
   }
+  bodies_[slot].rocks = !patch;
   if (!patch) return;
   double about_normal = 0.0;
   if (!more) {

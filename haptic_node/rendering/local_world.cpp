@@ -106,7 +106,8 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
 
 /// Surfaces go on to where physics has them; without news everything comes to rest.
 void LocalWorld::blend(double h) noexcept {
-  const double share = -std::expm1(-h / blend_s_), heap_share = -std::expm1(-h / heap_blend_s_);
+  const double share = -std::expm1(-h / blend_s_), heap_share = -std::expm1(-h / heap_blend_s_),
+               rock_share = -std::expm1(-h / rock_blend_s_);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < contact_count_; ++i) {
     Contact& contact = contacts_[i];
@@ -115,9 +116,10 @@ void LocalWorld::blend(double h) noexcept {
       if (contact.impulse_n_s.isZero(0.0)) continue;
       contact.offset_m += kRecovery_m_s * h;
     } else {
-      const double part = bodies_[contact.body].jammed ? heap_share : share;
+      const Body& body = bodies_[contact.body];
+      const double part = body.jammed ? heap_share : body.rocks && contact.radius_m <= 0.0 ? rock_share : share;
       contact.offset_m -= std::min(part * contact.offset_m, kRecovery_m_s * h);
-      contact.late_m_s *= 1.0 - share;
+      contact.late_m_s *= 1.0 - part;
     }
     if (kept != i) contacts_[kept] = contact;
     ++kept;

@@ -56,6 +56,8 @@ class LocalWorld {
   static constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
   /// What an answer moves in a heap is a prediction put right: it is blended in over this many steps instead.
   static constexpr double kHeapBlendSteps = 2.4;
+  /// So it is with what rocks on an edge, over no less than this.
+  static constexpr double kRockBlend_s = 0.03;
   static constexpr double kHandSpeed_s = 0.02;
   /// Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
   static constexpr double kReach_m = 0.2e-3;
@@ -99,6 +101,7 @@ class LocalWorld {
     Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
     double friction_bound_n = 0.0;
     bool supported = false;
+    bool rocks = false;  ///< Stands on an edge or a point: what it does at an instant is noise.
     bool jammed = false;                                  ///< Held by bodies that move themselves: a heap.
     LocalHeap heap;                                       ///< If so.
     Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();  ///< By the proxy, since it is known.
@@ -174,7 +177,7 @@ class LocalWorld {
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
   double proxy_radius_m_ = 0.0;
   std::uint64_t good_until_ns_ = 0;
-  double blend_s_ = kBlend_s, heap_blend_s_ = kBlend_s;
+  double blend_s_ = kBlend_s, heap_blend_s_ = kBlend_s, rock_blend_s_ = kRockBlend_s;
   std::uint64_t now_ns_ = 0;
   double tick_s_ = 1e-3;  ///< Of the last step.
 
