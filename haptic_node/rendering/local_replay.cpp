@@ -20,22 +20,21 @@ bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_
   std::uint64_t high = instant_count_;
   while (low < high) {
     const std::uint64_t middle = low + (high - low) / 2;
-    if (instants_[middle % kInstants].time_ns <= time_ns)
+    if (instant_ns_[middle % kInstants] <= time_ns)
       low = middle + 1;
     else
       high = middle;
   }
   if (low == oldest) return false;
-  const Instant& before = instants_[(low - 1) % kInstants];
-  const Past& past = before.bodies[slot];
+  const Past& past = instants_[(low - 1) % kInstants][slot];
   if (!past.used || past.index != body.index) return false;
   out = past;
   if (low == instant_count_) return true;
-  const Instant& after = instants_[low % kInstants];
-  const Past& next = after.bodies[slot];
+  const Past& next = instants_[low % kInstants][slot];
   if (!next.used || next.index != body.index) return true;
-  const double share =
-      rtbus::seconds_between(before.time_ns, time_ns) / rtbus::seconds_between(before.time_ns, after.time_ns);
+  const std::uint64_t before_ns = instant_ns_[(low - 1) % kInstants];
+  const double share = rtbus::seconds_between(before_ns, time_ns) /
+                       rtbus::seconds_between(before_ns, instant_ns_[low % kInstants]);
   out.given_n_s += share * (next.given_n_s - past.given_n_s);
   out.given_n_m_s += share * (next.given_n_m_s - past.given_n_m_s);
   return true;

@@ -238,10 +238,10 @@ void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
   const Vector3d more_n_m_s = pushes_[push].from_centre_m.cross(more_n_s);
   body.given_n_s += more_n_s;
   body.given_n_m_s += more_n_m_s;
-  Instant& newest = instants_[(instant_count_ - 1) % kInstants];
-  if (instant_count_ == 0 || newest.time_ns != now_ns_) return;
-  newest.bodies[push_slot_[push]].given_n_s += more_n_s;
-  newest.bodies[push_slot_[push]].given_n_m_s += more_n_m_s;
+  const std::size_t newest = (instant_count_ - 1) % kInstants;
+  if (instant_count_ == 0 || instant_ns_[newest] != now_ns_) return;
+  instants_[newest][push_slot_[push]].given_n_s += more_n_s;
+  instants_[newest][push_slot_[push]].given_n_m_s += more_n_m_s;
 }
 
 void LocalWorld::integrate(double h) noexcept {
@@ -287,12 +287,12 @@ void LocalWorld::move_heap(std::size_t slot, double h) noexcept {
 }
 
 void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
-  if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + instant_apart_ns_) return;
-  Instant& instant = instants_[instant_count_++ % kInstants];
-  instant.time_ns = sample_ns;
+  if (instant_count_ > 0 && sample_ns < instant_ns_[(instant_count_ - 1) % kInstants] + instant_apart_ns_) return;
+  const std::size_t newest = instant_count_++ % kInstants;
+  instant_ns_[newest] = sample_ns;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     const Body& body = bodies_[slot];
-    Past& past = instant.bodies[slot];
+    Past& past = instants_[newest][slot];
     past.used = body.used && body.moves;
     if (!past.used) continue;
     past.index = body.index;

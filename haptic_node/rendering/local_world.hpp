@@ -62,7 +62,7 @@ class LocalWorld {
   /// Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
   static constexpr double kReach_m = 0.2e-3;
   static constexpr int kReplayParts = 8;   ///< At most, from the instant of an answer to now …
-  static constexpr int kReplayRows = 200;  ///< … and parts times rows of all bodies, about.
+  static constexpr int kReplayRows = 100;  ///< … and parts times rows of all bodies, about.
   static constexpr double kBrake_s = 0.01;  ///< Without news bodies come to rest in about three times that.
 
   /// Puts the proxy there, at rest, and forgets everything else.
@@ -139,10 +139,6 @@ class LocalWorld {
     std::uint32_t index = 0;
     Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero(), given_n_m_s = Eigen::Vector3d::Zero();
   };
-  struct Instant {
-    std::uint64_t time_ns = 0;
-    std::array<Past, kBodies> bodies;
-  };
   static constexpr std::size_t kInstants = 512;
   static constexpr double kPastSteps = 2.5;  ///< So many steps of physics are kept: an answer is at most two old.
 
@@ -205,7 +201,8 @@ class LocalWorld {
   std::array<std::size_t, kSolved + LocalSoft::kPatches> push_slot_{};  ///< Of its body; kSoftBody and on: soft.
   std::size_t push_count_ = 0;
 
-  std::array<Instant, kInstants> instants_{};
+  std::array<std::uint64_t, kInstants> instant_ns_{};  ///< A ring: the last is instant_count_ − 1.
+  std::array<std::array<Past, kBodies>, kInstants> instants_{};
   std::uint64_t instant_count_ = 0;
   std::uint64_t instant_apart_ns_ = 0;
 };
