@@ -20,8 +20,8 @@ constexpr double kDeep_m = 1e-3;
 constexpr std::uint32_t kPatchPoints = 3;
 /// Friction of a patch resists spin with its bound at this many radii of gyration: four corners of a square.
 constexpr double kPatchRadius = 1.7;
-/// A push that lasts makes a heap as much faster as the lightest neighbour of the body, or the body itself where that is
-/// heavier, would get in this time.
+/// A push that lasts makes a heap as much faster as the lightest neighbour of the body, or the body itself where that
+/// is heavier, would get in this time.
 constexpr double kHeapMobility_s = 0.2e-3;
 /// An answer is good for its period, which has one more to go until the next must be here, and a little more.
 constexpr double kGoodFor = 1.5;

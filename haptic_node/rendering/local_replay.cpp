@@ -33,8 +33,8 @@ bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_
   const Past& next = instants_[low % kInstants][slot];
   if (!next.used || next.index != body.index) return true;
   const std::uint64_t before_ns = instant_ns_[(low - 1) % kInstants];
-  const double share = rtbus::seconds_between(before_ns, time_ns) /
-                       rtbus::seconds_between(before_ns, instant_ns_[low % kInstants]);
+  const double share =
+      rtbus::seconds_between(before_ns, time_ns) / rtbus::seconds_between(before_ns, instant_ns_[low % kInstants]);
   out.given_n_s += share * (next.given_n_s - past.given_n_s);
   out.given_n_m_s += share * (next.given_n_m_s - past.given_n_m_s);
   return true;

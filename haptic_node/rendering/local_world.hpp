@@ -61,8 +61,8 @@ class LocalWorld {
   static constexpr double kHandSpeed_s = 0.02;
   /// Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
   static constexpr double kReach_m = 0.2e-3;
-  static constexpr int kReplayParts = 8;   ///< At most, from the instant of an answer to now …
-  static constexpr int kReplayRows = 100;  ///< … and parts times rows of all bodies, about.
+  static constexpr int kReplayParts = 8;    ///< At most, from the instant of an answer to now …
+  static constexpr int kReplayRows = 100;   ///< … and parts times rows of all bodies, about.
   static constexpr double kBrake_s = 0.01;  ///< Without news bodies come to rest in about three times that.
 
   /// Puts the proxy there, at rest, and forgets everything else.
@@ -101,10 +101,10 @@ class LocalWorld {
     Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
     double friction_bound_n = 0.0;
     bool supported = false;
-    bool rocks = false;  ///< Stands on an edge or a point: what it does at an instant is noise.
-    bool jammed = false;                                  ///< Held by bodies that move themselves: a heap.
-    LocalHeap heap;                                       ///< If so.
-    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();  ///< By the proxy, since it is known.
+    bool rocks = false;   ///< Stands on an edge or a point: what it does at an instant is noise.
+    bool jammed = false;  ///< Held by bodies that move themselves: a heap.
+    LocalHeap heap;       ///< If so.
+    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();    ///< By the proxy, since it is known.
     Eigen::Vector3d given_n_m_s = Eigen::Vector3d::Zero();  ///< Likewise, about the centre.
     std::uint64_t told_ns = 0;  ///< Instant of the last answer, where it had the body, and given_n_s then.
     Eigen::Vector3d told_centre_m = Eigen::Vector3d::Zero();
