@@ -41,7 +41,7 @@ Vector3d slip(const SolverBody* bodies, const SolverContact& contact) noexcept {
   const Vector3d velocity_a = a.velocity_m_s + a.angular_velocity_rad_s.cross(contact.from_a_m);
   if (contact.b < 0) return velocity_a - contact.surface_velocity_m_s;
   const SolverBody& b = bodies[contact.b];
-  return velocity_a - b.velocity_m_s - b.angular_velocity_rad_s.cross(contact.from_b_m);
+  return velocity_a - contact.surface_velocity_m_s - b.velocity_m_s - b.angular_velocity_rad_s.cross(contact.from_b_m);
 }
 
 void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {

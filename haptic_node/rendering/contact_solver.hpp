@@ -27,7 +27,7 @@ struct SolverContact {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
   Eigen::Vector3d from_a_m = Eigen::Vector3d::Zero();  ///< From a's centre to the contact point.
   Eigen::Vector3d from_b_m = Eigen::Vector3d::Zero();
-  Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what is fixed, at the point.
+  Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< At the point, beyond that of `b`.
   double closing_m_s = 0.0;  ///< The normal velocity must not be below minus this: the gap over the step.
   double friction = 0.0;     ///< Coulomb coefficient.
   double held_n_s = 0.0;     ///< Normal impulse that is there besides, for friction alone.

@@ -78,10 +78,12 @@ void LocalContact::felt(const Vector3d& force_n) noexcept {
   for (const auto& push : pushes) sum += push.impulse_n_s.norm();
   // What the ladder has taken from the force, or added to it, the bodies share as they shared the force.
   const Vector3d rest = -mapping_.force_to_world(force_n) * step_s_ + world_.impulse_n_s();
-  for (const auto& push : pushes) {
+  for (std::size_t i = 0; i < pushes.size(); ++i) {
+    const auto& push = pushes[i];
     const double share =
         sum > 0.0 ? push.impulse_n_s.norm() / sum : 1.0 / static_cast<double>(pushes.size());  // touched without force
     const Vector3d impulse = push.impulse_n_s + rest * share;
+    world_.felt(i, impulse);
     Given& row = row_of(push.body);
     row.last_tick = ticks_;
     row.impulse_n_s += impulse;

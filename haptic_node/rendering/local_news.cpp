@@ -14,11 +14,14 @@ using Eigen::Vector3d;
 
 /// Two normals of one body that are nearer than this belong to one contact.
 constexpr double kSameContact = 0.5;
+/// A proxy without a size is deep in a body from here on.
+constexpr double kDeep_m = 1e-3;
 /// So many points of a support make a patch, on which a body stands without tilting.
 constexpr std::uint32_t kPatchPoints = 3;
 /// Friction of a patch resists spin with its bound at this many radii of gyration: four corners of a square.
 constexpr double kPatchRadius = 1.7;
-/// A push that lasts makes a heap as much faster as the lightest neighbour of the body would get in this time.
+/// A push that lasts makes a heap as much faster as the lightest neighbour of the body, or the body itself where that
+/// is heavier, would get in this time.
 constexpr double kHeapMobility_s = 0.2e-3;
 /// An answer is good for its period, which has one more to go until the next must be here, and a little more.
 constexpr double kGoodFor = 1.5;
@@ -40,10 +43,6 @@ double loosest_support(const rtbus::ProxyContacts& answer, std::size_t row) noex
   return out;
 }
 
-double seconds_from(std::uint64_t from_ns, std::uint64_t to_ns) noexcept {
-  return to_ns >= from_ns ? rtbus::seconds_between(from_ns, to_ns) : -rtbus::seconds_between(to_ns, from_ns);
-}
-
 }  // namespace
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
@@ -51,13 +50,18 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   instant_apart_ns_ = static_cast<std::uint64_t>(kPastSteps * answer.step_s * 1e9 / kInstants);
   blend_s_ = std::max(kBlend_s, kBlendSteps * answer.step_s);
   heap_blend_s_ = std::max(kBlend_s, kHeapBlendSteps * answer.step_s);
+  rock_blend_s_ = std::max(kRockBlend_s, kHeapBlendSteps * answer.step_s);
   proxy_radius_m_ = answer.proxy_radius_m;
-  // The gaps as felt, before anything is moved.
-  for (std::size_t i = 0; i < contact_count_; ++i) contacts_[i].gap_m = gap_of(contacts_[i]) + contacts_[i].offset_m;
+  // Gaps and velocities as felt, before anything is moved.
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    contacts_[i].gap_m = gap_of(contacts_[i]) + contacts_[i].offset_m;
+    contacts_[i].late_m_s += surface_m_s(contacts_[i]);
+  }
   rigid_rows_ = LocalSoft::rigid_rows(answer);
   soft_.take(answer, position_m_, blend_s_);
   take_bodies(answer, now_ns);
   take_supports(answer);
+  catch_up(answer, now_ns);
   take_contacts(answer);
   for (Body& body : bodies_) {
     const auto slot = static_cast<std::size_t>(&body - bodies_.data());
@@ -89,111 +93,52 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   return 0;
 }
 
-bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept {
-  if (instant_count_ == 0 || time_ns < body.since_ns) return false;
-  // The first instant that is later, by halving; the ring keeps the newest kInstants.
-  std::uint64_t low = instant_count_ > kInstants ? instant_count_ - kInstants : 0;
-  std::uint64_t high = instant_count_;
-  while (low < high) {
-    const std::uint64_t middle = low + (high - low) / 2;
-    if (instants_[middle % kInstants].time_ns <= time_ns)
-      low = middle + 1;
-    else
-      high = middle;
-  }
-  const std::uint64_t oldest = instant_count_ > kInstants ? instant_count_ - kInstants : 0;
-  if (low == oldest) return false;
-  const Instant& before = instants_[(low - 1) % kInstants];
-  const Past& past = before.bodies[slot];
-  if (!past.used || past.index != body.index) return false;
-  out = past;
-  if (low == instant_count_) {
-    out.centre_m += past.velocity_m_s * rtbus::seconds_between(before.time_ns, time_ns);
-    return true;
-  }
-  const Instant& after = instants_[low % kInstants];
-  const Past& next = after.bodies[slot];
-  if (!next.used || next.index != body.index) return true;
-  const double share =
-      rtbus::seconds_between(before.time_ns, time_ns) / rtbus::seconds_between(before.time_ns, after.time_ns);
-  out.centre_m += share * (next.centre_m - past.centre_m);
-  out.velocity_m_s += share * (next.velocity_m_s - past.velocity_m_s);
-  out.given_n_s += share * (next.given_n_s - past.given_n_s);
-  out.angular_velocity_rad_s += share * (next.angular_velocity_rad_s - past.angular_velocity_rad_s);
-  out.turned = past.turned.slerp(share, next.turned);
-  return true;
-}
-
+/// Bodies as of the answer's instant; those of a heap as of now.
 void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   for (Body& body : bodies_) body.named = false;
   const double age_s = answer.device_time_ns < now_ns ? rtbus::seconds_between(answer.device_time_ns, now_ns) : 0.0;
   for (std::size_t row = 0; row < rigid_rows_; ++row) {
     const std::size_t slot = slot_of(answer.body_index[row]);
     Body& body = bodies_[slot];
-    const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
-    const Vector3d velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
-    const Vector3d rate_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
-    Past then;
-    const bool known = body.used && past_of(body, slot, answer.device_time_ns, then);
-    const bool jammed = take_heap(answer, row, body, known ? &then : nullptr, age_s);
-    // The instant was remembered before the last answers put it right.
-    for (const Correction& made : body.corrections) {
-      if (made.made_ns <= answer.device_time_ns) continue;
-      then.centre_m += made.way_m + made.speed_m_s * seconds_from(made.sample_ns, answer.device_time_ns);
-      then.velocity_m_s += made.speed_m_s;
-      then.angular_velocity_rad_s += made.rate_rad_s;
-    }
-    Quaterniond turned = Quaterniond::Identity();
-    if (known) turned = (body.turned * then.turned.conjugate()).normalized();
-    if (known && !jammed) {
-      const Vector3d faster_m_s = velocity_m_s - then.velocity_m_s;
-      body.centre_m += centre_m - then.centre_m + age_s * faster_m_s;
-      body.motion.velocity_m_s += faster_m_s;
-      body.motion.angular_velocity_rad_s += rate_rad_s - then.angular_velocity_rad_s;
-      body.corrections[body.next_correction++ % kCorrections] = {now_ns, answer.device_time_ns,
-                                                                 centre_m - then.centre_m, faster_m_s,
-                                                                 rate_rad_s - then.angular_velocity_rad_s};
-    } else if (!known) {
-      // New, or so new that the answer is to a sample from before it.
-      const std::uint64_t since_ns = body.used ? body.since_ns : now_ns;
-      const LocalHeap heap = body.heap;
+    if (!body.used) {
       body = Body{};
-      body.heap = heap;
       body.index = answer.body_index[row];
-      body.since_ns = since_ns;
-      body.centre_m = centre_m + age_s * (jammed ? heap.speed_m_s() : velocity_m_s);
-      body.motion.velocity_m_s = velocity_m_s;
-      body.motion.angular_velocity_rad_s = rate_rad_s;
+      body.since_ns = now_ns;
+    }
+    // Of what it had been given before it was known, nothing is known, nor is any of that ours.
+    Past then;
+    if (!past_of(body, slot, answer.device_time_ns, then)) then = Past{};
+    body.centre_m = vector_of(answer.body_centre_m[row]);
+    body.jammed = take_heap(answer, row, body, then.given_n_s, age_s);
+    if (!body.jammed) {
+      body.motion.velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
+      body.motion.angular_velocity_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
     }
     body.used = body.named = true;
-    body.jammed = jammed;
     body.told_ns = answer.device_time_ns;
-    body.told_centre_m = centre_m;
-    body.told_given_n_s = known ? then.given_n_s : Vector3d(Vector3d::Zero());
+    body.told_centre_m = vector_of(answer.body_centre_m[row]);
+    body.told_given_n_s = then.given_n_s;
     body.moves = answer.body_kind[row] != 0;
     body.driven = answer.body_kind[row] == 1;
-    const Matrix3d R = turned.toRotationMatrix();
     body.motion.inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
-    body.motion.inverse_inertia_per_kg_m2 = R * matrix_of(answer.body_inverse_inertia_per_kg_m2[row]) * R.transpose();
+    body.motion.inverse_inertia_per_kg_m2 = matrix_of(answer.body_inverse_inertia_per_kg_m2[row]);
     body.force_n = vector_of(answer.body_external_force_n[row]);
     body.torque_n_m = vector_of(answer.body_external_torque_n_m[row]);
     body.friction_bound_n = answer.body_friction_bound_n[row];
-    body.supported = false;
+    body.supported = body.rocks = false;
     slot_of_row_[row] = slot;
-    turned_since_[row] = turned;
+    turned_since_[row].setIdentity();
   }
 }
 
-/// @returns whether other bodies that can move hold this one: a heap. Then where it is now follows from where it was
-/// told to be, not from what it had been predicted to be: no error of a prediction outlives its answer.
-bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body, const Past* then,
+/// @returns whether other bodies that can move hold this one: a heap.
+bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body, const Vector3d& given_n_s,
                            double age_s) noexcept {
   const double loosest = loosest_support(answer, row);
   if (loosest <= 0.0) return false;
-  const Vector3d centre_m = vector_of(answer.body_centre_m[row]);
-  const Vector3d given_n_s = then != nullptr ? then->given_n_s : Vector3d(Vector3d::Zero());
+  const Vector3d centre_m = body.centre_m;
   LocalHeap& heap = body.heap;
-  heap.set_mobility(kHeapMobility_s * loosest);
+  heap.set_mobility(kHeapMobility_s * std::min(loosest, answer.body_inverse_mass_per_kg[row]));
   if (body.used && body.told_ns != 0 && answer.device_time_ns > body.told_ns) {
     // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
     const double apart_s = rtbus::seconds_between(body.told_ns, answer.device_time_ns);
@@ -202,9 +147,7 @@ bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, 
   } else if (!body.used) {
     heap.forget();
   }
-  if (then == nullptr) return true;
   body.centre_m = centre_m + heap.way_m(body.given_n_s - given_n_s, age_s);
-  body.corrections = {};
   return true;
 }
 
@@ -221,8 +164,7 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
     support = Support{};
     support.body = slot_of_row_[row];
     Body& body = bodies_[support.body];
-    support.from_centre_m =
-        turned_since_[row] * (vector_of(answer.support_point_m[i]) - vector_of(answer.body_centre_m[row]));
+    support.from_centre_m = vector_of(answer.support_point_m[i]) - vector_of(answer.body_centre_m[row]);
     support.normal = vector_of(answer.support_normal[i]);
     // What touches moves as one along the normal; a solver leaves a remainder.
     support.velocity_m_s = vector_of(answer.support_velocity_m_s[i]);
@@ -281,6 +223,7 @@ void LocalWorld::hold_by_supports(std::size_t slot) noexcept {
     normal = support.normal;
     patch = true;
   }
+  bodies_[slot].rocks = !patch;
   if (!patch) return;
   double about_normal = 0.0;
   if (!more) {
@@ -296,6 +239,29 @@ void LocalWorld::hold_by_supports(std::size_t slot) noexcept {
   for (std::size_t i = 0; i < support_count_; ++i) {
     if (supports_[i].body == slot && supports_[i].torsion_radius_m > 0.0) supports_[i].torsion_radius_m = radius_m;
   }
+}
+
+/// @returns whether the answer has a contact with that body whose normal is about that one.
+bool LocalWorld::names(const rtbus::ProxyContacts& answer, std::size_t row, const Vector3d& normal) const noexcept {
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+    if (answer.contact_body[i] != row) continue;
+    if (normal.dot(turned_since_[row] * vector_of(answer.contact_normal[i])) > kSameContact) return true;
+  }
+  return false;
+}
+
+/// @returns whether the proxy's centre is inside of the body of that contact, and the way out leads into another body.
+bool LocalWorld::blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m) const noexcept {
+  if (gap_m > -std::max(proxy_radius_m_, kDeep_m)) return false;
+  const Vector3d normal = vector_of(answer.contact_normal[contact]);
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+    if (answer.contact_body[i] == answer.contact_body[contact]) continue;
+    const Vector3d other = vector_of(answer.contact_normal[i]);
+    const Vector3d there_m = position_m_ - gap_m * normal;
+    const bool opposes = other.dot(normal) < -kSameContact;
+    if (opposes && other.dot(there_m - vector_of(answer.contact_point_m[i])) < proxy_radius_m_) return true;
+  }
+  return false;
 }
 
 void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
@@ -324,12 +290,37 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
       best = j;
       best_cosine = cosine;
     }
+    if (best == old_count && gap_m < 0.0) {
+      // Deep inside of a body its nearest surface may be another one in each answer: a way out, once begun, is kept.
+      for (std::size_t j = 0; j < old_count && best == old_count; ++j) {
+        const bool leads_out = !matched[j] && old[j].body == contact.body && !old[j].impulse_n_s.isZero(0.0) &&
+                               gap_of(old[j]) < 0.0 && old[j].normal.dot(contact.normal) < 0.0;
+        if (leads_out && !names(answer, row, old[j].normal)) best = j;
+      }
+      if (best < old_count) {
+        matched[best] = true;
+        contact = old[best];
+        contact.offset_m = old[best].gap_m - gap_of(contact);
+        contact.late_m_s.setZero();
+        contact.fades = false;
+        continue;
+      }
+    }
+    if (best == old_count && blocked(answer, i, gap_m)) {
+      --contact_count_;
+      continue;
+    }
     if (best < old_count) {
       matched[best] = true;
       contact.impulse_n_s = old[best].impulse_n_s;
     }
     if (!contact.impulse_n_s.isZero(0.0)) {
       contact.offset_m = old[best].gap_m - gap_m;
+      if (!bodies_[contact.body].jammed) {
+        contact.late_m_s = old[best].late_m_s - surface_m_s(contact);
+        const double late = contact.late_m_s.norm();
+        if (late > kRecovery_m_s) contact.late_m_s *= kRecovery_m_s / late;
+      }
     } else if (gap_m < 0.0) {
       contact.offset_m = -gap_m;
     }
@@ -339,6 +330,7 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
     Contact& contact = contacts_[contact_count_++];
     contact = old[j];
     contact.offset_m += old[j].gap_m - (gap_of(contact) + contact.offset_m);  // its body may have been moved
+    contact.late_m_s.setZero();
     contact.fades = true;
   }
 }

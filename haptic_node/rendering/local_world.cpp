@@ -15,12 +15,6 @@ using Eigen::Vector3d;
 /// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
 constexpr double kSupportSoftness = 0.02;
 
-Quaterniond turn(const Vector3d& rate_rad_s, double h) noexcept {
-  const double angle = rate_rad_s.norm() * h;
-  if (angle <= 0.0) return Quaterniond::Identity();
-  return Quaterniond(Eigen::AngleAxisd(angle, rate_rad_s.normalized()));
-}
-
 }  // namespace
 
 void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
@@ -42,6 +36,11 @@ double LocalWorld::gap_of(const Contact& contact) const noexcept {
   return (position_m_ - point + contact.radius_m * contact.normal).norm() - contact.radius_m - proxy_radius_m_;
 }
 
+Vector3d LocalWorld::surface_m_s(const Contact& contact) const noexcept {
+  const SolverBody& body = bodies_[contact.body].motion;
+  return body.velocity_m_s + body.angular_velocity_rad_s.cross(contact.from_centre_m);
+}
+
 /// On a ball the contact goes where the proxy goes.
 void LocalWorld::roll(Contact& contact) const noexcept {
   const Vector3d middle = contact.from_centre_m - contact.radius_m * contact.normal;
@@ -53,6 +52,7 @@ void LocalWorld::roll(Contact& contact) const noexcept {
 
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   now_ns_ = sample_ns;
+  tick_s_ = h;
   hand_m_s_ += -std::expm1(-h / kHandSpeed_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   work_j_ = 0.0;
@@ -89,10 +89,12 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     contact.impulse_n_s = rows_[i].impulse_n_s;
     if (contact.impulse_n_s.isZero(0.0)) continue;
     impulse_n_s_ += contact.impulse_n_s;
-    bodies_[contact.body].given_n_s -= contact.impulse_n_s;
+    Body& body = bodies_[contact.body];
+    body.given_n_s -= contact.impulse_n_s;
+    body.given_n_m_s -= contact.from_centre_m.cross(contact.impulse_n_s);
     push_slot_[push_count_] = contact.body;
-    pushes_[push_count_++] = {bodies_[contact.body].index, -contact.impulse_n_s, contact.from_centre_m};
-    if (bodies_[contact.body].driven) work_j_ += contact.impulse_n_s.dot(rows_[i].surface_velocity_m_s);
+    pushes_[push_count_++] = {body.index, -contact.impulse_n_s, contact.from_centre_m};
+    if (body.driven) work_j_ += contact.impulse_n_s.dot(surface_m_s(contact));
   }
   for (std::size_t i = 0; i < soft; ++i) {
     if (soft_rows[i].impulse_n_s.isZero(0.0)) continue;
@@ -107,7 +109,8 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
 
 /// Surfaces go on to where physics has them; without news everything comes to rest.
 void LocalWorld::blend(double h) noexcept {
-  const double share = -std::expm1(-h / blend_s_), heap_share = -std::expm1(-h / heap_blend_s_);
+  const double share = -std::expm1(-h / blend_s_), heap_share = -std::expm1(-h / heap_blend_s_),
+               rock_share = -std::expm1(-h / rock_blend_s_);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < contact_count_; ++i) {
     Contact& contact = contacts_[i];
@@ -116,8 +119,10 @@ void LocalWorld::blend(double h) noexcept {
       if (contact.impulse_n_s.isZero(0.0)) continue;
       contact.offset_m += kRecovery_m_s * h;
     } else {
-      const double part = bodies_[contact.body].jammed ? heap_share : share;
+      const Body& body = bodies_[contact.body];
+      const double part = body.jammed ? heap_share : body.rocks && contact.radius_m <= 0.0 ? rock_share : share;
       contact.offset_m -= std::min(part * contact.offset_m, kRecovery_m_s * h);
+      contact.late_m_s *= 1.0 - part;
     }
     if (kept != i) contacts_[kept] = contact;
     ++kept;
@@ -129,10 +134,23 @@ void LocalWorld::blend(double h) noexcept {
     if (!body.used) continue;
     body.motion.velocity_m_s *= slower;
     body.motion.angular_velocity_rad_s *= slower;
-    body.force_n.setZero();
-    body.torque_n_m.setZero();
+    if (!body.supported) {  // what stands on something is held there by its weight
+      body.force_n.setZero();
+      body.torque_n_m.setZero();
+    }
     body.heap.brake(slower);
   }
+}
+
+/// What the proxy rubs against on a heap. Along the normal the heap moves as it is known to. Across it, it goes along
+/// with the hand, as far as both move the same way, and else stands: were the proxy dragged by what an answer says, the
+/// spring to the hand would pull the body back one and a half periods late, and stacks swing under a hand at rest.
+Vector3d LocalWorld::heap_surface_m_s(const Body& body, const Vector3d& normal) const noexcept {
+  const Vector3d hand_m_s = hand_m_s_ - normal.dot(hand_m_s_) * normal;
+  const double square = hand_m_s.squaredNorm();
+  Vector3d out = normal.dot(body.heap.free_m_s()) * normal;
+  if (square > 0.0) out += std::clamp(hand_m_s.dot(body.heap.speed_m_s()) / square, 0.0, 1.0) * hand_m_s;
+  return out;
 }
 
 /// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part.
@@ -143,7 +161,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact);
     const Body& body = bodies_[contact.body];
-    const Vector3d surface = body.motion.velocity_m_s + body.motion.angular_velocity_rad_s.cross(contact.from_centre_m);
+    const Vector3d surface = surface_m_s(contact) + contact.late_m_s;
     contact.gap_m = gap_of(contact) + contact.offset_m;
     const double way_m = -contact.normal.dot(solver_bodies_[0].velocity_m_s - surface) * h;
     if (rows == kSolved || contact.gap_m > way_m + kReach_m) {
@@ -160,7 +178,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     row.friction = contact.friction;
     row.impulse_n_s = contact.impulse_n_s;
     if (body.jammed) {
-      row.surface_velocity_m_s = body.heap.free_m_s();
+      row.surface_velocity_m_s = heap_surface_m_s(body, row.normal);
       row.softness_per_kg = body.heap.mobility_m_s_n() / h;
       row.advance_m_s = body.heap.advance_m_s(row.normal);
     }
@@ -182,7 +200,11 @@ std::size_t LocalWorld::gather(double h) noexcept {
     solver.velocity_m_s += h * body.motion.inverse_mass_per_kg * body.force_n;
     solver.angular_velocity_rad_s += h * body.motion.inverse_inertia_per_kg_m2 * body.torque_n_m;
   }
-  for (std::size_t i = 0; i < solved_contacts_; ++i) rows_[i].b = solver_body_[contacts_[row_source_[i]].body];
+  for (std::size_t i = 0; i < solved_contacts_; ++i) {
+    const Contact& contact = contacts_[row_source_[i]];
+    rows_[i].b = solver_body_[contact.body];
+    if (rows_[i].b >= 0) rows_[i].surface_velocity_m_s = contact.late_m_s;
+  }
 
   for (std::size_t i = 0; i < support_count_; ++i) {
     Support& support = supports_[i];
@@ -192,28 +214,49 @@ std::size_t LocalWorld::gather(double h) noexcept {
       support.torsion_n_m_s = 0.0;
       continue;
     }
-    const Body& body = bodies_[support.body];
-    SolverContact& row = rows_[rows];
-    row = SolverContact{};
-    row.a = held;
-    row.normal = support.normal;
-    row.from_a_m = support.from_centre_m;
-    row.surface_velocity_m_s = support.velocity_m_s;
-    row.friction = support.friction;
-    row.torsion_radius_m = support.torsion_radius_m;
-    row.softness_per_kg = kSupportSoftness * body.motion.inverse_mass_per_kg;
-    row.expected_n_s = support.force_n * h;
-    row.impulse_n_s = support.impulse_n_s;
-    row.torsion_n_m_s = support.torsion_n_m_s;
-    if (!body.supported) row.held_n_s = body.friction_bound_n * h;
+    rows_[rows] = support_row(support, h);
+    rows_[rows].a = held;
     row_source_[rows++] = i;
   }
   return rows;
 }
 
+/// Of body 0.
+SolverContact LocalWorld::support_row(const Support& support, double h) const noexcept {
+  const Body& body = bodies_[support.body];
+  SolverContact row;
+  row.normal = support.normal;
+  row.from_a_m = support.from_centre_m;
+  row.surface_velocity_m_s = support.velocity_m_s;
+  row.friction = support.friction;
+  row.torsion_radius_m = support.torsion_radius_m;
+  row.softness_per_kg = kSupportSoftness * body.motion.inverse_mass_per_kg;
+  row.expected_n_s = support.force_n * h;
+  row.impulse_n_s = support.impulse_n_s;
+  row.torsion_n_m_s = support.torsion_n_m_s;
+  if (!body.supported) row.held_n_s = body.friction_bound_n * h;
+  return row;
+}
+
+void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
+  if (push_slot_[push] >= kBodies) return;  // soft: not carried forward by impulses
+  Body& body = bodies_[push_slot_[push]];
+  const Vector3d more_n_s = impulse_n_s - pushes_[push].impulse_n_s;
+  const Vector3d more_n_m_s = pushes_[push].from_centre_m.cross(more_n_s);
+  body.given_n_s += more_n_s;
+  body.given_n_m_s += more_n_m_s;
+  const std::size_t newest = (instant_count_ - 1) % kInstants;
+  if (instant_count_ == 0 || instant_ns_[newest] != now_ns_) return;
+  instants_[newest][push_slot_[push]].given_n_s += more_n_s;
+  instants_[newest][push_slot_[push]].given_n_m_s += more_n_m_s;
+}
+
 void LocalWorld::integrate(double h) noexcept {
   velocity_m_s_ = solver_bodies_[0].velocity_m_s;
   position_m_ += h * velocity_m_s_;
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    contacts_[i].offset_m -= h * contacts_[i].normal.dot(contacts_[i].late_m_s);
+  }
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     Body& body = bodies_[slot];
     if (!body.used || !body.moves) continue;
@@ -228,8 +271,7 @@ void LocalWorld::integrate(double h) noexcept {
     }
     body.centre_m += h * body.motion.velocity_m_s;
     if (body.motion.angular_velocity_rad_s.isZero(0.0)) continue;
-    const Quaterniond turned = turn(body.motion.angular_velocity_rad_s, h);
-    body.turned = (turned * body.turned).normalized();
+    const Quaterniond turned = turn_of(body.motion.angular_velocity_rad_s, h);
     for (std::size_t i = 0; i < contact_count_; ++i) {
       if (contacts_[i].body != slot) continue;
       contacts_[i].from_centre_m = turned * contacts_[i].from_centre_m;
@@ -252,20 +294,17 @@ void LocalWorld::move_heap(std::size_t slot, double h) noexcept {
 }
 
 void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
-  if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + instant_apart_ns_) return;
-  Instant& instant = instants_[instant_count_++ % kInstants];
-  instant.time_ns = sample_ns;
+  if (instant_count_ > 0 && sample_ns < instant_ns_[(instant_count_ - 1) % kInstants] + instant_apart_ns_) return;
+  const std::size_t newest = instant_count_++ % kInstants;
+  instant_ns_[newest] = sample_ns;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     const Body& body = bodies_[slot];
-    Past& past = instant.bodies[slot];
+    Past& past = instants_[newest][slot];
     past.used = body.used && body.moves;
     if (!past.used) continue;
     past.index = body.index;
-    past.centre_m = body.centre_m;
-    past.velocity_m_s = body.motion.velocity_m_s;
-    past.angular_velocity_rad_s = body.motion.angular_velocity_rad_s;
-    past.turned = body.turned;
     past.given_n_s = body.given_n_s;
+    past.given_n_m_s = body.given_n_m_s;
   }
 }
 

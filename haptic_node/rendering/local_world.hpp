@@ -26,6 +26,13 @@ struct LocalSpring {
   double damping_n_s_per_m = 0.0;
 };
 
+/// The turn of what spins at `rate_rad_s` for `h` seconds.
+[[nodiscard]] inline Eigen::Quaterniond turn_of(const Eigen::Vector3d& rate_rad_s, double h) noexcept {
+  const double rate = rate_rad_s.norm();
+  if (rate * h <= 0.0) return Eigen::Quaterniond::Identity();
+  return Eigen::Quaterniond(Eigen::AngleAxisd(rate * h, rate_rad_s / rate));
+}
+
 /// One instant of the local world belongs to one device sample; a step leads from the sample before to this one.
 ///
 /// The proxy has no mass. Spring and damper, implicit over a step of h, are the mass m_g = h(hK + B) that moves at
@@ -33,10 +40,10 @@ struct LocalSpring {
 /// contact the hand feels K(p − x) + B(v_p − v), which is what the contacts push with.
 ///
 /// An answer of physics describes the world at the instant of the device sample that it answers (decision 0003). By the
-/// time it is here, the local world is one or two periods on. What physics says about a body then is compared with what
-/// the local world had made of it at that instant, and the difference is added to what it is now. A surface that this
-/// moves, or that turns out to be elsewhere, starts where it was felt last and moves to its place within a part of a
-/// step (kBlendSteps).
+/// time it is here, the local world is one or two periods on. A body is put where physics has it at that instant, and
+/// goes on from there to now with the impulses that it was given since (local_replay.cpp): no error of a prediction
+/// outlives its answer. A surface that this moves, or that turns out to be elsewhere, starts where it was felt last and
+/// moves to its place within a part of a step (kBlendSteps).
 class LocalWorld {
  public:
   static constexpr std::size_t kBodies = rtbus::kContactSlots;
@@ -49,9 +56,13 @@ class LocalWorld {
   static constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
   /// What an answer moves in a heap is a prediction put right: it is blended in over this many steps instead.
   static constexpr double kHeapBlendSteps = 2.4;
+  /// So it is with what rocks on an edge, over no less than this.
+  static constexpr double kRockBlend_s = 0.03;
   static constexpr double kHandSpeed_s = 0.02;
   /// Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
   static constexpr double kReach_m = 0.2e-3;
+  static constexpr int kReplayParts = 8;    ///< At most, from the instant of an answer to now …
+  static constexpr int kReplayRows = 100;   ///< … and parts times rows of all bodies, about.
   static constexpr double kBrake_s = 0.01;  ///< Without news bodies come to rest in about three times that.
 
   /// Puts the proxy there, at rest, and forgets everything else.
@@ -76,18 +87,11 @@ class LocalWorld {
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the body.
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
   };
+  /// What the push of that number has become behind the safety ladder. @param impulse_n_s On the body.
+  void felt(std::size_t push, const Eigen::Vector3d& impulse_n_s) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] std::span<const Push> pushes() const noexcept { return {pushes_.data(), push_count_}; }
 
  private:
-  /// What an answer has changed in a body: what the local world had made of it before is known to be wrong by as much.
-  struct Correction {
-    std::uint64_t made_ns = 0;                        ///< Instants before this do not have it; 0: none.
-    std::uint64_t sample_ns = 0;                      ///< The instant that was compared.
-    Eigen::Vector3d way_m = Eigen::Vector3d::Zero();  ///< At that instant; grows with speed_m_s since.
-    Eigen::Vector3d speed_m_s = Eigen::Vector3d::Zero();
-    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();
-  };
-  static constexpr std::size_t kCorrections = 4;  ///< An answer is at most two old: of more none is still unseen.
   struct Body {
     bool used = false;
     bool named = false;  ///< By the answer that is being taken.
@@ -96,20 +100,19 @@ class LocalWorld {
     std::uint32_t index = 0;
     std::uint64_t since_ns = 0;  ///< Known from then on.
     Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
-    Eigen::Quaterniond turned = Eigen::Quaterniond::Identity();  ///< Since since_ns.
     SolverBody motion;
     Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
     Eigen::Vector3d torque_n_m = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
     double friction_bound_n = 0.0;
     bool supported = false;
-    bool jammed = false;                                  ///< Held by bodies that move themselves: a heap.
-    LocalHeap heap;                                       ///< If so.
-    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();  ///< By the proxy, since it is known.
+    bool rocks = false;   ///< Stands on an edge or a point: what it does at an instant is noise.
+    bool jammed = false;  ///< Held by bodies that move themselves: a heap.
+    LocalHeap heap;       ///< If so.
+    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();    ///< By the proxy, since it is known.
+    Eigen::Vector3d given_n_m_s = Eigen::Vector3d::Zero();  ///< Likewise, about the centre.
     std::uint64_t told_ns = 0;  ///< Instant of the last answer, where it had the body, and given_n_s then.
     Eigen::Vector3d told_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d told_given_n_s = Eigen::Vector3d::Zero();
-    std::array<Correction, kCorrections> corrections{};
-    std::size_t next_correction = 0;
   };
   struct Contact {
     std::size_t body = 0;
@@ -119,6 +122,7 @@ class LocalWorld {
     double friction = 0.0;
     double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
+    Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity: likewise.
     bool fades = false;                                     ///< Physics does not know it any more.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
   };
@@ -133,32 +137,36 @@ class LocalWorld {
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
     double torsion_n_m_s = 0.0;
   };
-  /// Where a body was at an instant.
+  /// What a body had been given at an instant.
   struct Past {
     bool used = false;
     std::uint32_t index = 0;
-    Eigen::Vector3d centre_m, velocity_m_s, angular_velocity_rad_s, given_n_s;
-    Eigen::Quaterniond turned;
-  };
-  struct Instant {
-    std::uint64_t time_ns = 0;
-    std::array<Past, kBodies> bodies;
+    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero(), given_n_m_s = Eigen::Vector3d::Zero();
   };
   static constexpr std::size_t kInstants = 512;
   static constexpr double kPastSteps = 2.5;  ///< So many steps of physics are kept: an answer is at most two old.
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   [[nodiscard]] bool past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept;
+  [[nodiscard]] SolverContact support_row(const Support& support, double h) const noexcept;
+  void catch_up(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept;
+  void replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t now_ns, int parts,
+              Eigen::Quaterniond& turned) noexcept;
   void take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept;
-  [[nodiscard]] bool take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body, const Past* then,
-                               double age_s) noexcept;
+  [[nodiscard]] bool take_heap(const rtbus::ProxyContacts& answer, std::size_t row, Body& body,
+                               const Eigen::Vector3d& given_n_s, double age_s) noexcept;
   void move_heap(std::size_t slot, double h) noexcept;
   void take_supports(const rtbus::ProxyContacts& answer) noexcept;
   void take_contacts(const rtbus::ProxyContacts& answer) noexcept;
+  [[nodiscard]] bool blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m) const noexcept;
+  [[nodiscard]] bool names(const rtbus::ProxyContacts& answer, std::size_t row,
+                           const Eigen::Vector3d& normal) const noexcept;
   void hold_by_supports(std::size_t slot) noexcept;
   [[nodiscard]] double gap_of(const Contact& contact) const noexcept;
+  [[nodiscard]] Eigen::Vector3d surface_m_s(const Contact& contact) const noexcept;
   void roll(Contact& contact) const noexcept;
   void blend(double h) noexcept;
+  [[nodiscard]] Eigen::Vector3d heap_surface_m_s(const Body& body, const Eigen::Vector3d& normal) const noexcept;
   std::size_t gather(double h) noexcept;
   void integrate(double h) noexcept;
   void remember(std::uint64_t sample_ns) noexcept;
@@ -170,8 +178,9 @@ class LocalWorld {
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
   double proxy_radius_m_ = 0.0;
   std::uint64_t good_until_ns_ = 0;
-  double blend_s_ = kBlend_s, heap_blend_s_ = kBlend_s;
+  double blend_s_ = kBlend_s, heap_blend_s_ = kBlend_s, rock_blend_s_ = kRockBlend_s;
   std::uint64_t now_ns_ = 0;
+  double tick_s_ = 1e-3;  ///< Of the last step.
 
   std::array<Body, kBodies> bodies_{};
   std::array<Contact, kContacts> contacts_{};
@@ -197,7 +206,8 @@ class LocalWorld {
   std::array<std::size_t, kSolved + LocalSoft::kPatches> push_slot_{};  ///< Of its body; kSoftBody and on: soft.
   std::size_t push_count_ = 0;
 
-  std::array<Instant, kInstants> instants_{};
+  std::array<std::uint64_t, kInstants> instant_ns_{};  ///< A ring: the last is instant_count_ − 1.
+  std::array<std::array<Past, kBodies>, kInstants> instants_{};
   std::uint64_t instant_count_ = 0;
   std::uint64_t instant_apart_ns_ = 0;
 };

@@ -41,6 +41,20 @@ ProxyContacts body(double x_m, double velocity_m_s, std::uint64_t sample_ns) {
   return out;
 }
 
+/// The same on a floor below it, on which it stands on a patch, with a friction that stops it with 5 m/s².
+ProxyContacts standing(double x_m, double velocity_m_s, std::uint64_t sample_ns) {
+  constexpr double kWeight_n = 0.1 * 10.0;
+  ProxyContacts out = body(x_m, velocity_m_s, sample_ns);
+  out.supports = 1;
+  out.support_normal[0] = {0, 1, 0};
+  out.support_point_m[0] = {x_m - 0.01, -0.01, 0};
+  out.support_force_n[0] = kWeight_n;
+  out.support_friction[0] = 0.5;
+  out.support_points[0] = 4;
+  out.body_friction_bound_n[0] = 0.5 * kWeight_n;
+  return out;
+}
+
 struct LocalWorldTest : testing::Test {
   std::unique_ptr<LocalWorld> world = std::make_unique<LocalWorld>();
   std::uint64_t now_ns = 1000 * kMs;
@@ -219,6 +233,130 @@ TEST_F(LocalWorldTest, BrakesWithoutNews) {
   EXPECT_EQ(force_n, 0.0);
   for (int i = 0; i < 1000; ++i) force_n = std::max(force_n, tick(stop_m + 0.001 - 1e-5 * std::min(i, 200)));
   EXPECT_NEAR(force_n, kStiffness * 0.001, 0.1) << "and stands there";
+}
+
+// Pushed for 60 ms; the answer to the sample from before the push says that nothing has moved yet.
+TEST_F(LocalWorldTest, GoesOnFromAnAnswerWithWhatItHasGivenSince) {
+  world->reset({0, 0, 0});
+  world->take(body(0.0, 0.0, now_ns), now_ns);
+  const std::uint64_t before_ns = now_ns;
+  double force_n = 0.0;
+  for (int i = 0; i < 60; ++i) force_n = tick(-1e-4 * i, -0.1);
+  const double proxy_m = world->position_m().x();
+  ASSERT_LT(proxy_m, -0.003) << "it has moved";
+  world->take(body(0.0, 0.0, before_ns), now_ns);
+  EXPECT_NEAR(tick(-6e-3, -0.1), force_n, 0.02) << "no jump";
+  double largest_n = 0.0;
+  for (int i = 1; i < 40; ++i) largest_n = std::max(largest_n, tick(-6e-3 - 1e-4 * i, -0.1));
+  EXPECT_LT(largest_n, force_n + 0.1) << "where it was";
+}
+
+// The ladder took all of it: physics has moved nothing, and there the body is, whatever it was taken to do meanwhile.
+TEST_F(LocalWorldTest, CountsAsGivenWhatTheLadderLeft) {
+  for (const bool in_vain : {true, false}) {
+    const std::uint64_t before_ns = now_ns;
+    world->reset({0, 0, 0});
+    world->take(body(0.0, 0.0, before_ns), now_ns);
+    for (int i = 0; i < 60; ++i) {
+      tick(-1e-4 * i);
+      for (std::size_t push = 0; in_vain && push < world->pushes().size(); ++push) world->felt(push, Vector3d::Zero());
+    }
+    for (int i = 0; i < 60; ++i) tick(0.02);  // lets go
+    world->take(body(0.0, 0.0, before_ns), now_ns);
+    for (int i = 0; i < 20; ++i) tick(0.02);
+    double touched_m = 0.02;
+    while (touched_m > -0.1 && tick(touched_m) <= 0.0) touched_m -= 1e-4;
+    if (in_vain) {
+      EXPECT_NEAR(touched_m, 0.0, 2e-4);
+    } else {
+      EXPECT_LT(touched_m, -0.01) << "otherwise it would be on its way";
+    }
+  }
+}
+
+// An answer of 50 ms ago finds it at 20 mm/s, which friction ends within 4 ms; taken to last, it would be 1 mm.
+TEST_F(LocalWorldTest, ASpeedThatFrictionEndsIsNotCarriedOn) {
+  for (const double speed_m_s : {0.02, -0.02}) {
+    world->reset({0.0, 0, 0});
+    world->take(standing(0.0, 0.0, now_ns), now_ns);
+    double force_n = 0.0;
+    for (int i = 0; i < 60; ++i) force_n = tick(-5e-4);
+    ASSERT_NEAR(force_n, kStiffness * 5e-4, 1e-3) << "it stands";
+    world->take(standing(0.0, speed_m_s, now_ns - 50 * kMs), now_ns);
+    for (int i = 0; i < 40; ++i) {
+      EXPECT_NEAR(tick(-5e-4), kStiffness * 5e-4, 0.06);
+    }
+    world->take(standing(0.0, 0.0, now_ns - 50 * kMs), now_ns);
+    for (int i = 0; i < 70; ++i) force_n = tick(-5e-4);
+    EXPECT_NEAR(force_n, kStiffness * 5e-4, 2e-3) << "and the next answer finds nothing to put right";
+  }
+}
+
+TEST_F(LocalWorldTest, StandsOnItsFeetWithoutNews) {
+  world->reset({0.0, 0, 0});
+  world->take(standing(0.0, 0.0, now_ns), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i < 500; ++i) force_n = tick(-5e-4);
+  EXPECT_NEAR(force_n, kStiffness * 5e-4, 1e-3);
+}
+
+// Deep in a plate of 40 mm the nearer side changes with each answer: the way out does not.
+TEST_F(LocalWorldTest, KeepsToTheWayOutOfABody) {
+  const auto side = [this](double normal) {
+    ProxyContacts out = wall(0.0, now_ns);
+    out.contact_point_m[0] = {0.02 * normal, 0, 0};
+    out.contact_normal[0] = {normal, 0, 0};
+    return out;
+  };
+  world->reset({0.001, 0, 0});
+  double before_m = 0.0;
+  for (int answer = 0; answer < 8; ++answer) {
+    world->take(side(answer % 2 == 0 ? 1.0 : -1.0), now_ns);
+    for (int i = 0; i < 50; ++i) {
+      before_m = world->position_m().x();
+      tick(0.0);
+      EXPECT_GE(world->position_m().x(), before_m - 1e-9) << answer;
+    }
+  }
+  EXPECT_NEAR(world->position_m().x(), 0.02, 1e-3) << "and is out";
+}
+
+// In the middle of a box on a floor; the nearest side of the box is its lower one.
+TEST_F(LocalWorldTest, IsNotPushedOutOfABodyIntoAnother) {
+  ProxyContacts out = wall(0.0, now_ns);
+  out.proxy_radius_m = 0.005;
+  out.contacts = out.bodies = 2;
+  out.body_index[1] = 1;
+  out.contact_body[1] = 1;
+  out.contact_normal[0] = {1, 0, 0};  // the floor, at 0
+  out.contact_normal[1] = {-1, 0, 0};
+  world->reset({0.006, 0, 0});
+  world->take(out, now_ns);
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(tick(0.006), 0.0);
+  out.contacts = 1;
+  out.contact_normal[0] = {-1, 0, 0};  // without the floor
+  world->take(out, now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i < 100; ++i) force_n = tick(0.006);
+  EXPECT_LT(force_n, -0.1) << "it would be";
+}
+
+// A hand at rest on a stack that sways to and fro below it: what the answers say of that does not drag the proxy.
+TEST_F(LocalWorldTest, DoesNotFollowAHeapAcrossItsNormal) {
+  world->reset({0.0, 0, 0});
+  ProxyContacts heap = standing(0.0, 0.0, now_ns);
+  heap.support_inverse_mass_per_kg[0] = 10.0;
+  heap.contact_friction[0] = 1.0;
+  for (int answer = 0; answer < 20; ++answer) {
+    heap.device_time_ns = now_ns - 50 * kMs;
+    heap.body_centre_m[0] = {-0.01, answer % 2 == 0 ? 1e-3 : -1e-3, 0};
+    world->take(heap, now_ns);
+    for (int i = 0; i < 50; ++i) {
+      tick(-1e-3);
+      EXPECT_NEAR(world->impulse_n_s().y() / kStepS, 0.0, 0.02);
+    }
+  }
+  EXPECT_GT(world->impulse_n_s().x() / kStepS, 0.1) << "it is touched";
 }
 
 }  // namespace
