@@ -285,6 +285,9 @@ void LocalWorld::hold_by_supports(std::size_t slot) noexcept {
   }
   double radius_m = 0.0;
   motion.inverse_inertia_per_kg_m2.setZero();
+  // What it was taken to tilt by is over, or it would roll on, and no friction would stop it.
+  motion.angular_velocity_rad_s =
+      more ? Vector3d(Vector3d::Zero()) : Vector3d(normal * normal.dot(motion.angular_velocity_rad_s));
   if (about_normal > 0.0) {
     motion.inverse_inertia_per_kg_m2 = normal * normal.transpose() / about_normal;
     radius_m = kPatchRadius * std::sqrt(about_normal * motion.inverse_mass_per_kg);

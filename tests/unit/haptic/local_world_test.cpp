@@ -131,6 +131,50 @@ TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
   EXPECT_NEAR(surface(), 0.001, 5e-5) << "counted twice";
 }
 
+// Told to stand on one point it begins to roll when it is pushed. Told that it stands on a patch it slides, and
+// friction stops it within 50 ms; it would roll on for ever.
+TEST_F(LocalWorldTest, ABodyOnAPatchDoesNotRollOn) {
+  const auto on_floor = [this](std::uint32_t points, std::uint64_t sample_ns) {
+    ProxyContacts out = body(0.0, 0.0, sample_ns);
+    out.body_inverse_inertia_per_kg_m2[0] = {4e4, 0, 0, 4e4, 0, 4e4};
+    out.body_external_force_n[0] = {0, 0, 0};
+    out.supports = 1;
+    out.support_point_m[0] = {-0.01, -0.02, 0};
+    out.support_normal[0] = {0, 1, 0};
+    out.support_force_n[0] = 0.1 * 9.81;
+    out.support_friction[0] = 0.1;
+    out.support_points[0] = points;
+    return out;
+  };
+  for (const std::uint32_t points : {1U, 4U}) {
+    world->reset({0, 0, 0});
+    world->take(on_floor(1, now_ns), now_ns);
+    for (int i = 0; i < 20; ++i) tick(-1e-4 * i, -0.1);  // pushed to the left, lightly
+    // The next answer knows nothing of the push yet.
+    world->take(on_floor(points, now_ns - 19 * kMs), now_ns);
+    for (int i = 0; i < 60; ++i) tick(0.05);
+    // Where is it after that, and where 50 ms later?
+    const auto surface = [this] {
+      double x_m = 0.0;
+      LocalWorld copy = *world;
+      std::uint64_t ns = now_ns;
+      for (; x_m > -0.05; x_m -= 1e-4) {
+        ns += 1000;
+        copy.advance({{x_m, 0, 0}, Vector3d::Zero(), 1.0, 0.0}, ns, 1e-6);
+        if (copy.impulse_n_s().x() > 0.0) break;
+      }
+      return x_m;
+    };
+    const double before_m = surface();
+    for (int i = 0; i < 20; ++i) tick(0.05);
+    const double went_m = before_m - surface();
+    if (points == 1)
+      EXPECT_GT(went_m, 1e-3) << "it rolls";
+    else
+      EXPECT_LT(went_m, 2e-4) << "it stands";
+  }
+}
+
 TEST_F(LocalWorldTest, MovesASurfaceThatIsFeltWithoutAJump) {
   world->reset({0.0, 0, 0});
   world->take(wall(0.0, now_ns), now_ns);
