@@ -96,26 +96,25 @@ bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_
   std::uint64_t high = instant_count_;
   while (low < high) {
     const std::uint64_t middle = low + (high - low) / 2;
-    if (instants_[middle % kInstants].time_ns <= time_ns)
+    if (instant_ns_[middle % kInstants] <= time_ns)
       low = middle + 1;
     else
       high = middle;
   }
   const std::uint64_t oldest = instant_count_ > kInstants ? instant_count_ - kInstants : 0;
   if (low == oldest) return false;
-  const Instant& before = instants_[(low - 1) % kInstants];
-  const Past& past = before.bodies[slot];
+  const std::uint64_t before_ns = instant_ns_[(low - 1) % kInstants];
+  const Past& past = instants_[(low - 1) % kInstants][slot];
   if (!past.used || past.index != body.index) return false;
   out = past;
   if (low == instant_count_) {
-    out.centre_m += past.velocity_m_s * rtbus::seconds_between(before.time_ns, time_ns);
+    out.centre_m += past.velocity_m_s * rtbus::seconds_between(before_ns, time_ns);
     return true;
   }
-  const Instant& after = instants_[low % kInstants];
-  const Past& next = after.bodies[slot];
+  const Past& next = instants_[low % kInstants][slot];
   if (!next.used || next.index != body.index) return true;
   const double share =
-      rtbus::seconds_between(before.time_ns, time_ns) / rtbus::seconds_between(before.time_ns, after.time_ns);
+      rtbus::seconds_between(before_ns, time_ns) / rtbus::seconds_between(before_ns, instant_ns_[low % kInstants]);
   out.centre_m += share * (next.centre_m - past.centre_m);
   out.velocity_m_s += share * (next.velocity_m_s - past.velocity_m_s);
   out.given_n_s += share * (next.given_n_s - past.given_n_s);

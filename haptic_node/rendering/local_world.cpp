@@ -247,12 +247,12 @@ void LocalWorld::move_heap(std::size_t slot, double h) noexcept {
 }
 
 void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
-  if (instant_count_ > 0 && sample_ns < instants_[(instant_count_ - 1) % kInstants].time_ns + instant_apart_ns_) return;
-  Instant& instant = instants_[instant_count_++ % kInstants];
-  instant.time_ns = sample_ns;
+  if (instant_count_ > 0 && sample_ns < instant_ns_[(instant_count_ - 1) % kInstants] + instant_apart_ns_) return;
+  Instant& instant = instants_[instant_count_ % kInstants];
+  instant_ns_[instant_count_++ % kInstants] = sample_ns;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     const Body& body = bodies_[slot];
-    Past& past = instant.bodies[slot];
+    Past& past = instant[slot];
     past.used = body.used && body.moves;
     if (!past.used) continue;
     past.index = body.index;

@@ -39,7 +39,8 @@ struct LocalSpring {
 /// step (kBlendSteps).
 class LocalWorld {
  public:
-  static constexpr std::size_t kBodies = rtbus::kContactSlots;
+  /// Those of the answer, and a few that are felt still while their contacts recede.
+  static constexpr std::size_t kBodies = rtbus::kContactSlots + 4;
   static constexpr std::size_t kContacts = rtbus::kContactSlots + 8;  ///< Those of the answer, and some that fade out.
   static constexpr std::size_t kSupports = rtbus::kSupportSlots;
   static constexpr std::size_t kSolved = rtbus::kContactSlots;  ///< Contacts of the proxy in one step.
@@ -136,12 +137,9 @@ class LocalWorld {
     Eigen::Vector3d centre_m, velocity_m_s, angular_velocity_rad_s, given_n_s;
     Eigen::Quaterniond turned;
   };
-  struct Instant {
-    std::uint64_t time_ns = 0;
-    std::array<Past, kBodies> bodies;
-  };
-  static constexpr std::size_t kInstants = 512;
-  static constexpr double kPastSteps = 2.5;  ///< So many steps of physics are kept: an answer is at most two old.
+  using Instant = std::array<Past, kBodies>;
+  static constexpr std::size_t kInstants = 160;  ///< Few enough to stay in a cache, more than ticks at 1 kHz and 18 Hz.
+  static constexpr double kPastSteps = 2.5;      ///< So many steps of physics are kept: an answer is at most two old.
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   [[nodiscard]] bool past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept;
@@ -193,6 +191,7 @@ class LocalWorld {
   std::size_t push_count_ = 0;
 
   std::array<Instant, kInstants> instants_{};
+  std::array<std::uint64_t, kInstants> instant_ns_{};  ///< Apart: it is what is searched.
   std::uint64_t instant_count_ = 0;
   std::uint64_t instant_apart_ns_ = 0;
 };
