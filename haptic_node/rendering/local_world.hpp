@@ -138,7 +138,7 @@ class LocalWorld {
     Eigen::Quaterniond turned;
   };
   using Instant = std::array<Past, kBodies>;
-  static constexpr std::size_t kInstants = 160;  ///< Few enough to stay in a cache, more than ticks at 1 kHz and 18 Hz.
+  static constexpr std::size_t kInstants = 512;
   static constexpr double kPastSteps = 2.5;      ///< So many steps of physics are kept: an answer is at most two old.
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
