@@ -74,9 +74,16 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
     if (!bodies_[slot].used && free == kBodies) free = slot;
   }
   if (free < kBodies) return free;
-  // All are taken: one that this answer does not name must go.
+  // All are taken: one that this answer does not name must go, and is not felt: the contacts of that are to recede.
+  std::array<bool, kBodies> felt{};
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    if (!contacts_[i].impulse_n_s.isZero(0.0)) felt[contacts_[i].body] = true;
+  }
+  const bool any = std::any_of(bodies_.begin(), bodies_.end(), [&](const Body& body) {
+    return !body.named && !felt[static_cast<std::size_t>(&body - bodies_.data())];
+  });
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
-    if (bodies_[slot].named) continue;
+    if (bodies_[slot].named || (any && felt[slot])) continue;
     for (std::size_t i = 0; i < contact_count_;) {
       if (contacts_[i].body == slot)
         contacts_[i] = contacts_[--contact_count_];

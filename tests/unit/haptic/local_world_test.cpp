@@ -214,6 +214,33 @@ TEST_F(LocalWorldTest, AContactThatIsGoneRecedesAndIsForgotten) {
 }
 
 // A plate that comes at 0.1 m/s, and then no answer any more: it goes on for a period and a half and then stops.
+// In a heap sixteen others can be nearer by the next answer. What is felt has a place still, and recedes.
+TEST_F(LocalWorldTest, WhatIsFeltRecedesThoughSixteenOthersAreNamed) {
+  const auto crowd = [this](std::uint32_t first, bool touched) {
+    ProxyContacts out = wall(0.0, now_ns);
+    out.contacts = out.bodies = rtbus::kContactSlots;
+    for (std::uint32_t i = 0; i < rtbus::kContactSlots; ++i) {
+      out.contact_body[i] = i;
+      out.body_index[i] = first + i;
+      out.contact_normal[i] = {1, 0, 0};
+      out.contact_point_m[i] = {touched && i == 0 ? 0.0 : -0.05, 0, 0};
+    }
+    return out;
+  };
+  world->reset({0.0, 0, 0});
+  world->take(crowd(0, true), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i < 100; ++i) force_n = tick(-0.002);
+  ASSERT_NEAR(force_n, kStiffness * 0.002, 1e-6);
+  world->take(crowd(100, false), now_ns);
+  for (int i = 0; i < 50 && force_n > 0.0; ++i) {
+    const double next_n = tick(-0.002);
+    ASSERT_GE(next_n, force_n - kStiffness * 0.2 * kStepS - kDamping * 0.2 - 1e-9) << i;
+    force_n = next_n;
+  }
+  EXPECT_EQ(force_n, 0.0);
+}
+
 TEST_F(LocalWorldTest, BrakesWithoutNews) {
   world->reset({0.5, 0, 0});
   ProxyContacts plate = body(0.0, 0.1, now_ns);
