@@ -65,7 +65,8 @@ struct Support {
   double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what holds, at the point.
   double inverse_mass_per_kg = 0.0;                                ///< Of what holds; 0: no force moves it.
-  std::uint32_t points = 0;  ///< Contact points that carry: 1 is a point, 2 an edge, more are a patch.
+  /// Contact points that carry: 1 is a point, 2 an edge, more are a patch. Face on face is a patch with however many.
+  std::uint32_t points = 0;
 };
 
 /// At most so many of each, which bounds the message and the work of who solves them.

@@ -63,7 +63,7 @@ struct ProxyContacts {
   std::array<Vec3, kSupportSlots> support_velocity_m_s{};
   std::array<double, kSupportSlots> support_inverse_mass_per_kg{};  ///< Of what holds; 0: no force moves it.
   std::array<std::uint32_t, kSupportSlots>
-      support_points{};  ///< Contact points that carry: 1 a point, 3 or more a patch.
+      support_points{};  ///< Contact points that carry: 1 a point, 3 or more, or two faces, a patch.
 };
 
 template <>

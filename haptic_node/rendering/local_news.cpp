@@ -78,9 +78,16 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
     if (!bodies_[slot].used && free == kBodies) free = slot;
   }
   if (free < kBodies) return free;
-  // All are taken: one that this answer does not name must go.
+  // All are taken: one that this answer does not name must go, and is not felt: the contacts of that are to recede.
+  std::array<bool, kBodies> felt{};
+  for (std::size_t i = 0; i < contact_count_; ++i) {
+    if (!contacts_[i].impulse_n_s.isZero(0.0)) felt[contacts_[i].body] = true;
+  }
+  const bool any = std::any_of(bodies_.begin(), bodies_.end(), [&](const Body& body) {
+    return !body.named && !felt[static_cast<std::size_t>(&body - bodies_.data())];
+  });
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
-    if (bodies_[slot].named) continue;
+    if (bodies_[slot].named || (any && felt[slot])) continue;
     for (std::size_t i = 0; i < contact_count_;) {
       if (contacts_[i].body == slot)
         contacts_[i] = contacts_[--contact_count_];
@@ -232,6 +239,9 @@ void LocalWorld::hold_by_supports(std::size_t slot) noexcept {
   }
   double radius_m = 0.0;
   motion.inverse_inertia_per_kg_m2.setZero();
+  // What it was taken to tilt by is over, or it would roll on, and no friction would stop it.
+  motion.angular_velocity_rad_s =
+      more ? Vector3d(Vector3d::Zero()) : Vector3d(normal * normal.dot(motion.angular_velocity_rad_s));
   if (about_normal > 0.0) {
     motion.inverse_inertia_per_kg_m2 = normal * normal.transpose() / about_normal;
     radius_m = kPatchRadius * std::sqrt(about_normal * motion.inverse_mass_per_kg);

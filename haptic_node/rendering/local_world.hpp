@@ -46,7 +46,8 @@ struct LocalSpring {
 /// moves to its place within a part of a step (kBlendSteps).
 class LocalWorld {
  public:
-  static constexpr std::size_t kBodies = rtbus::kContactSlots;
+  /// Those of the answer, and a few that are felt still while their contacts recede.
+  static constexpr std::size_t kBodies = rtbus::kContactSlots + 4;
   static constexpr std::size_t kContacts = rtbus::kContactSlots + 8;  ///< Those of the answer, and some that fade out.
   static constexpr std::size_t kSupports = rtbus::kSupportSlots;
   static constexpr std::size_t kSolved = rtbus::kContactSlots;  ///< Contacts of the proxy in one step.
@@ -144,7 +145,7 @@ class LocalWorld {
     Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero(), given_n_m_s = Eigen::Vector3d::Zero();
   };
   static constexpr std::size_t kInstants = 512;
-  static constexpr double kPastSteps = 2.5;  ///< So many steps of physics are kept: an answer is at most two old.
+  static constexpr double kPastSteps = 2.5;      ///< So many steps of physics are kept: an answer is at most two old.
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   [[nodiscard]] bool past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept;

@@ -22,6 +22,15 @@ double pair_friction(const btRigidBody& a, const btRigidBody& b) {
   return static_cast<double>(a.getFriction() * b.getFriction());
 }
 
+/// Whether a face looks along `normal`.
+bool has_face(const btRigidBody& body, const Vector3d& normal) {
+  constexpr double kFlat = 1.0 - 1e-5;  // the cosine of 4.5 mrad
+  const int shape = body.getCollisionShape()->getShapeType();
+  if (shape != BOX_SHAPE_PROXYTYPE) return shape == STATIC_PLANE_PROXYTYPE;
+  const btVector3 own = (body.getWorldTransform().getBasis().transpose() * to_bullet(normal)).absolute();
+  return static_cast<double>(own[own.maxAxis()]) > kFlat;
+}
+
 /// Of one contact point: what the second body of the manifold did to the first, mean over the step.
 struct PointForce {
   Vector3d point_m, normal;
@@ -167,6 +176,8 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
   if (support.normal_force_n <= 0.0 || support.normal.norm() <= 0.0) return;
   support.point_m /= support.normal_force_n;
   support.normal.normalize();
+  // A box that slides loses some points of the manifold, at times all but one, and has them again some steps later.
+  if (has_face(held, support.normal) && has_face(other, support.normal)) support.points = std::max(support.points, 3U);
   support.friction = pair_friction(held, other);
   support.inverse_mass_per_kg = static_cast<double>(other.getInvMass());
   support.surface_velocity_m_s = velocity_at(other, support.point_m, scale_);

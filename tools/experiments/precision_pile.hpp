@@ -13,13 +13,13 @@ namespace tools {
 struct PrecisionPileOptions {
   std::vector<std::string> session_files;  ///< stack_125.yaml and its like.
   std::vector<std::string> assignments;    ///< After the experiment's own.
-  bool quick = false;                      ///< The first session alone, one stiffness, three starts.
+  bool quick = false;                      ///< The first session alone, one stiffness, three starts of the others.
 };
 
 /// One table, from slightly different starts, with 95 % confidence intervals; the device without quanta, whose encoder
-/// is rougher than any of it. The hand of a method that presses harder than the full rate is made softer until the mean
-/// forces agree within 10 % or their intervals, where that can be. Checks that local_contact at 18 Hz is no rougher
-/// than the truth. Throws rtbus::config::Error.
+/// is rougher than any of it. The hand of remote coupling is made softer until its mean force and that at full rate
+/// agree within 10 % or their intervals, where that can be. Checks, over ten starts, that local_contact at 18 Hz is no
+/// rougher than the truth and has its mean force. Throws rtbus::config::Error.
 void evaluate_precision_pile(const PrecisionPileOptions& options, Experiment& experiment, RunProgress& progress);
 
 }  // namespace tools

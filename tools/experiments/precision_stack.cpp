@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
+#include <filesystem>
 #include <limits>
 
 #include "tools/experiments/force_profile.hpp"
 #include "tools/experiments/precision_run.hpp"
+#include "tools/experiments/precision_shown.hpp"
 #include "tools/experiments/work_precision.hpp"
-#include "tools/gnuplot.hpp"
 #include "tools/interrupt.hpp"
 
 namespace tools {
@@ -18,7 +18,6 @@ namespace {
 
 constexpr double kRate_hz = 1000.0;
 constexpr double kStiffness = 300.0, kDamping = 0.5;
-constexpr double kPredictionPeriods = 1.5;
 constexpr double kPush_m_s = 0.01, kPush_m = 0.045, kBegin_s = 0.3;
 /// The face of the stack is 15 mm from where the push begins, less the radius of the proxy; a second later the force is
 /// that of the pile and not of the first touch.
@@ -26,15 +25,10 @@ constexpr double kContact_s = kBegin_s + 0.010 / kPush_m_s + 0.2;
 constexpr double kEnd_s = kBegin_s + kPush_m / kPush_m_s;
 constexpr int kStarts = 10;
 
-/// One tick of the world at full rate, in D.
-struct WorldTick {
-  Eigen::Vector3d position_m, velocity_m_s, proxy_m, proxy_m_s;
-};
-
-PrecisionScene stack_scene(const PrecisionStackOptions& options, int start) {
+PrecisionScene stack_scene(const PrecisionStackOptions& options, const std::string& file, int start) {
   PrecisionScene scene;
   scene.name = "stack";
-  scene.session_file = options.session_file;
+  scene.session_file = file;
   scene.axis = 2;
   scene.from_s = kContact_s;
   scene.until_s = kEnd_s;
@@ -51,98 +45,6 @@ PrecisionScene stack_scene(const PrecisionStackOptions& options, int start) {
   scene.assignments.emplace_back(text);
   scene.assignments.insert(scene.assignments.end(), options.assignments.begin(), options.assignments.end());
   return scene;
-}
-
-std::vector<WorldTick> record_world(const PrecisionScene& scene) {
-  std::vector<rtbus::config::Override> overrides;
-  PrecisionCell cell{"remote_virtual_coupling", kRate_hz, kRate_hz, kRate_hz, 0, false};
-  for (const std::string& text : assignments_of(scene, cell)) overrides.push_back(rtbus::config::parse_override(text));
-  auto session = rtbus::config::load_session(scene.session_file, overrides);
-  Harness harness(session, {});
-  std::vector<WorldTick> out;
-  const auto vector_of = [](const rtbus::Vec3& v) { return Eigen::Vector3d(v[0], v[1], v[2]); };
-  harness.run(scene.until_s, [&](const rtbus::Telemetry& tick) {
-    out.push_back({vector_of(tick.position_m), vector_of(tick.velocity_m_s), vector_of(tick.proxy_position_m),
-                   vector_of(tick.proxy_velocity_m_s)});
-  });
-  return out;
-}
-
-Eigen::Vector3d coupling_n(const WorldTick& hand, const WorldTick& proxy, double ahead_s) {
-  return kStiffness * (proxy.proxy_m + ahead_s * proxy.proxy_m_s - hand.position_m) +
-         kDamping * (proxy.proxy_m_s - hand.velocity_m_s);
-}
-
-/// What a law makes of every n-th answer, each one period late, and how far that is from having all of them at once.
-struct Shown {
-  double error_rms_n = 0.0, error_peak_n = 0.0;
-  Roughness roughness;
-};
-
-Shown show_world(const std::vector<WorldTick>& world, const haptic::RendererEntry& law, double physics_hz) {
-  const haptic::Mapping mapping({});
-  const auto renderer = law.make({kStiffness, kDamping, mapping, {}, false, 0.1});
-  const auto stride = static_cast<std::size_t>(std::llround(kRate_hz / physics_hz));
-  haptic::RenderInput input;
-  input.dt_s = 1.0 / kRate_hz;
-  Shown out;
-  std::vector<double> force_n;
-  double squares = 0.0;
-  for (std::size_t i = 0; i < world.size(); ++i) {
-    input.now_ns = static_cast<std::uint64_t>(i) * 1'000'000;
-    input.position_m = world[i].position_m;
-    input.velocity_m_s = world[i].velocity_m_s;
-    input.proxy.fresh = false;
-    if (i >= stride && i % stride == 0) {
-      const WorldTick& answer = world[i - stride];
-      input.proxy.valid = input.proxy.fresh = true;
-      ++input.proxy.sequence;
-      input.proxy.device_time_ns = static_cast<std::uint64_t>(i - stride) * 1'000'000;
-      input.proxy.arrived_ns = input.now_ns;
-      input.proxy.period_s = static_cast<double>(stride) / kRate_hz;
-      input.proxy.position_m = answer.proxy_m;
-      input.proxy.velocity_m_s = answer.proxy_m_s;
-      const double periods = law.server_force == haptic::ServerForce::kPredicted ? kPredictionPeriods : 0.0;
-      input.proxy.server_force_n = coupling_n(answer, answer, periods * input.proxy.period_s);
-    }
-    const Eigen::Vector3d rendered_n = renderer->render(input).force_n;
-    if (static_cast<double>(i) / kRate_hz < kContact_s) continue;
-    const double error_n = (rendered_n - coupling_n(world[i], world[i], 0.0)).norm();
-    squares += error_n * error_n;
-    out.error_peak_n = std::max(out.error_peak_n, error_n);
-    force_n.push_back(rendered_n.z());
-  }
-  if (!force_n.empty()) out.error_rms_n = std::sqrt(squares / static_cast<double>(force_n.size()));
-  out.roughness = roughness(force_n, kRate_hz);
-  return out;
-}
-
-Table shown_table(const PrecisionStackOptions& options, Experiment& experiment) {
-  Table table{
-      "work_precision_stack_shown",
-      {"method", "physics [Hz]", "force RMS [N]", "force peak [N]", "increments RMS [mN]", "above 30 Hz, RMS [mN]"},
-      {}};
-  const std::vector<WorldTick> world = record_world(stack_scene(options, 0));
-  for (const haptic::RendererEntry& law : haptic::registered_renderers()) {
-    if (!law.needs_physics || law.needs_contacts) continue;
-    double before_n = std::numeric_limits<double>::infinity();
-    bool falls = true;
-    for (const double rate : {5.0, 18.0, 43.0, 100.0, 250.0, 500.0, 1000.0}) {
-      const Shown shown = show_world(world, law, rate);
-      table.rows.push_back({std::string(law.name), rate, shown.error_rms_n, shown.error_peak_n,
-                            1e3 * shown.roughness.increment_rms_n,
-                            1e3 * std::sqrt(shown.roughness.power_above_30hz_n2)});
-      falls = falls && shown.error_rms_n < before_n;
-      before_n = shown.error_rms_n;
-    }
-    if (law.server_force == haptic::ServerForce::kNone) {
-      experiment.check_between(
-          "work-precision.stack.shown." + std::string(law.name),
-          "stack, one world shown: the error of " + std::string(law.name) + " falls with every faster rate of physics",
-          falls ? 1.0 : 0.0, "1", 1.0, 1.0);
-    }
-  }
-  return table;
 }
 
 std::string interval_text(const MeanInterval& interval, double scale) {
@@ -175,7 +77,7 @@ Table closed_table(const PrecisionStackOptions& options, RunProgress& progress, 
       if (interrupted()) return table;
       progress.show_share(static_cast<double>(done++) / static_cast<double>(cells.size()) / starts,
                           "stack, " + cell.method);
-      const PrecisionScene scene = stack_scene(options, start);
+      const PrecisionScene scene = stack_scene(options, options.session_file, start);
       const PrecisionTrace trace = run_precisely(scene, cell);
       std::vector<double> force_n;
       for (std::size_t i = 0; i < trace.time_s.size(); ++i) {
@@ -208,38 +110,6 @@ Table closed_table(const PrecisionStackOptions& options, RunProgress& progress, 
   return table;
 }
 
-void draw(Experiment& experiment, const Table& shown) {
-  const auto gnuplot = Gnuplot::find();
-  if (!gnuplot) return;
-  Figure figure;
-  figure.stem = "work_precision_stack";
-  figure.body =
-      "set title 'One pile of 125 cubes, shown to each method at a lower rate and one period late'\n"
-      "set grid lc rgb 'gray80'\nset logscale xy\nset format xy '%g'\nset key top right\n"
-      "set xlabel 'results of physics [Hz]; haptic loop at 1 kHz'\nset ylabel 'force error, RMS [N]'\nplot ";
-  std::string before;
-  int style = 0;
-  for (const auto& row : shown.rows) {
-    const std::string& method = std::get<std::string>(row[0]);
-    if (method == before) continue;
-    const std::string file = "work_precision_stack_" + method + ".tsv";
-    std::ofstream out(experiment.folder() / file);
-    for (const auto& each : shown.rows) {
-      if (std::get<std::string>(each[0]) == method)
-        out << std::get<double>(each[1]) << '\t' << std::get<double>(each[2]) << '\n';
-    }
-    figure.body += (before.empty() ? "" : ", \\\n     ") + gnuplot_quoted(file) +
-                   " using 1:2 with linespoints ps 1.3 lw 1.5 pt " + std::to_string(7 + 2 * style) + " lc " +
-                   std::to_string(1 + style) + " title " + gnuplot_quoted(method);
-    ++style;
-    before = method;
-  }
-  figure.body += "\n";
-  const auto drawn = gnuplot->draw(experiment.folder(), figure);
-  if (!drawn) return experiment.note("no figure " + figure.stem + ": " + drawn.error());
-  for (const auto& file : *drawn) experiment.add_figure(file);
-}
-
 }  // namespace
 
 MeanInterval mean_interval(const std::vector<double>& values) {
@@ -258,8 +128,13 @@ MeanInterval mean_interval(const std::vector<double>& values) {
 }
 
 void evaluate_precision_stack(const PrecisionStackOptions& options, Experiment& experiment, RunProgress& progress) {
-  Table shown = shown_table(options, experiment);
-  draw(experiment, shown);
+  std::vector<ShownPile> piles;
+  for (const std::string& file : options.pile_files) {
+    const std::string pile = std::filesystem::path(file).stem().string();
+    piles.push_back({pile, [&options, file](int start) { return stack_scene(options, file, start); }});
+    if (options.quick) break;
+  }
+  Table shown = show_piles(piles, options.quick ? 3 : kStarts, experiment, progress);
   std::vector<PrecisionRow> costs, rows;
   Table closed = closed_table(options, progress, costs);
   for (PrecisionRow& row : costs) {

@@ -12,13 +12,13 @@ namespace tools {
 
 struct PrecisionStackOptions {
   std::string session_file;              ///< stack_125.yaml.
+  std::vector<std::string> pile_files;   ///< To be shown: that and its like. With `quick` the first alone.
   std::vector<std::string> assignments;  ///< After the experiment's own.
   bool quick = false;
 };
 
 /// Two comparisons, each with a table and a figure:
-///  - *shown*: one world stepped at full rate is recorded; each law sees its answers decimated, and one period late,
-///    while the hand moves as it did. Error against the same law with all answers, at once.
+///  - *shown*: one world for all laws (precision_shown.hpp).
 ///  - *closed*: each law in its own loop, from ten slightly different starts: mean force, impulse per second and
 ///  vibration
 ///    above 30 Hz with their 95 % confidence intervals.

@@ -241,7 +241,7 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
   }
   experiment.add_table(std::move(orders));
   if (!interrupted()) {
-    evaluate_precision_stack({options.stack_file, options.assignments, options.quick}, experiment, progress);
+    evaluate_precision_stack({options.stack_file, options.pile_files, options.assignments, options.quick}, experiment, progress);
   }
   if (!interrupted()) {
     evaluate_precision_pile({options.pile_files, options.assignments, options.quick}, experiment, progress);

@@ -148,6 +148,7 @@ void Harness::step_physics(std::uint64_t begin_ns) {
     if (!stepper_->wants_contacts(i)) continue;
     rtbus::Stamped<rtbus::ProxyContacts> contacts;
     stepper_->contacts(i, physics_->contact_radius_m.value_or(0.0), contacts.value);
+    if (i == 0 && contact_observer_) contact_observer_(contacts.value);
     contacts.sequence = answer.sequence;
     contacts.stamp_ns = answer.stamp_ns;
     hands_[i]->contacts_under_way.push_back(contacts);

@@ -30,10 +30,10 @@ struct HarnessOptions {
   double physics_phase_s = 0.0;
   double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
-  bool passivity = true;            ///< False: the energy is observed and nothing is done about it, to see what it does.
-  bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
-  double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
-  double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.
+  bool passivity = true;        ///< False: the energy is observed and nothing is done about it, to see what it does.
+  bool measure_cost = false;    ///< Look at the real clock around each cycle and step. Changes no result.
+  double jitter_s = 0.0;        ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
+  double lost_share = 0.0;      ///< Of the states of the hand, and of the answers, that never arrive.
   double loop_stops_s = -1.0;   ///< The loop stands still from then on (a pause of the machine); negative: never …
   double loop_pause_s = 0.0;    ///< … for so long.
   std::uint64_t link_seed = 1;  ///< Of jitter and losses: one seed, one run.
@@ -71,6 +71,9 @@ class Harness {
   /// From now on `observer` sees the answer of each physics step to the first node, when it is made (not when it
   /// arrives).
   void observe_steps(StepObserver observer) { step_observer_ = std::move(observer); }
+  /// Likewise what it says about the contacts, if the method asks for them.
+  using ContactObserver = std::function<void(const rtbus::ProxyContacts&)>;
+  void observe_contacts(ContactObserver observer) { contact_observer_ = std::move(observer); }
 
   [[nodiscard]] double now_s() const noexcept;  ///< Simulated time since the start.
   [[nodiscard]] const haptic::HapticConfig& config(std::size_t node = 0) const { return hands_[node]->config; }
@@ -125,7 +128,7 @@ class Harness {
     TimedDevice* timed = nullptr;  ///< The device, when its time is to be left out of the cost.
     Link link;
     std::unique_ptr<haptic::Loop> loop;
-    std::deque<rtbus::Stamped<rtbus::ProxyState>> under_way;  ///< stamp_ns: when it arrives.
+    std::deque<rtbus::Stamped<rtbus::ProxyState>> under_way;              ///< stamp_ns: when it arrives.
     std::deque<rtbus::Stamped<rtbus::ProxyContacts>> contacts_under_way;  ///< Likewise.
     std::uint64_t next_tick_ns = 0;
     std::uint64_t heard_ns = 0;  ///< When it last spoke.
@@ -145,6 +148,7 @@ class Harness {
   std::unique_ptr<physics::Stepper> stepper_;
   std::vector<std::unique_ptr<Hand>> hands_;
   StepObserver step_observer_;
+  ContactObserver contact_observer_;
   std::uint64_t now_ns_;
   std::uint64_t next_step_ns_ = 0;
   std::uint64_t next_beat_ns_ = 0;

@@ -104,6 +104,35 @@ TEST(BulletContacts, GiveTheFrictionBoundOfABlockOnAFloor) {
   }
 }
 
+// A box that slides loses some of its four points for a step or two, at times all but one. What stands on an edge has
+// two.
+TEST(BulletContacts, TellThatABoxLiesFlatHoweverManyPointsCarry) {
+  BlockOnFloor block;
+  std::size_t told = 0;
+  for (int i = 0; i < 400; ++i) {
+    run(*block.world, {0, 0.015, kRadiusM - 0.002 - 1e-4 * i}, 1);
+    for (const physics::Support& support : ask(*block.world).supports) {
+      EXPECT_GE(support.points, 3U) << i;
+      ++told;
+    }
+  }
+  EXPECT_GT(told, 200U);
+  EXPECT_LT(block.world->body_pose(1).position_m.z(), -0.03) << "it was pushed away";
+
+  BlockOnFloor tilted;
+  const double angle = 0.05;
+  tilted.scene.bodies.back().q_WB = Eigen::Quaterniond(Eigen::AngleAxisd(angle, Vector3d::UnitX()));
+  tilted.scene.bodies.back().p_WB.y() += 0.02 * std::sin(angle);
+  tilted.world = bullet(tilted.scene, 20);
+  tilted.world->add_proxy({"haptic0", 0.1, kRadiusM, 0.0, {0, 0.02, kRadiusM + 0.001}});
+  std::size_t edges = 0;
+  for (int i = 0; i < 30; ++i) {
+    tilted.world->step(1e-3);
+    for (const physics::Support& support : ask(*tilted.world).supports) edges += support.points < 3 ? 1 : 0;
+  }
+  EXPECT_GT(edges, 3U);
+}
+
 TEST(BulletContacts, TellFrictionAndTheHandApartWhileABlockIsPushed) {
   BlockOnFloor block;
   run(*block.world, {0, 0.015, kRadiusM - 0.002}, 500);  // 2 mm · 200 N/m: below the bound, it sticks

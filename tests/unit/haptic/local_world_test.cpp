@@ -180,6 +180,50 @@ TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
   EXPECT_NEAR(surface(), 0.001, 5e-5) << "counted twice";
 }
 
+// Told to stand on one point it begins to roll when it is pushed. Told that it stands on a patch it slides, and
+// friction stops it within 50 ms; it would roll on for ever.
+TEST_F(LocalWorldTest, ABodyOnAPatchDoesNotRollOn) {
+  const auto on_floor = [this](std::uint32_t points, std::uint64_t sample_ns) {
+    ProxyContacts out = body(0.0, 0.0, sample_ns);
+    out.body_inverse_inertia_per_kg_m2[0] = {4e4, 0, 0, 4e4, 0, 4e4};
+    out.body_external_force_n[0] = {0, 0, 0};
+    out.supports = 1;
+    out.support_point_m[0] = {-0.01, -0.02, 0};
+    out.support_normal[0] = {0, 1, 0};
+    out.support_force_n[0] = 0.1 * 9.81;
+    out.support_friction[0] = 0.1;
+    out.support_points[0] = points;
+    return out;
+  };
+  for (const std::uint32_t points : {1U, 4U}) {
+    world->reset({0, 0, 0});
+    world->take(on_floor(1, now_ns), now_ns);
+    for (int i = 0; i < 20; ++i) tick(-1e-4 * i, -0.1);  // pushed to the left, lightly
+    // The next answer knows nothing of the push yet.
+    world->take(on_floor(points, now_ns - 19 * kMs), now_ns);
+    for (int i = 0; i < 60; ++i) tick(0.05);
+    // Where is it after that, and where 50 ms later?
+    const auto surface = [this] {
+      double x_m = 0.0;
+      LocalWorld copy = *world;
+      std::uint64_t ns = now_ns;
+      for (; x_m > -0.05; x_m -= 1e-4) {
+        ns += 1000;
+        copy.advance({{x_m, 0, 0}, Vector3d::Zero(), 1.0, 0.0}, ns, 1e-6);
+        if (copy.impulse_n_s().x() > 0.0) break;
+      }
+      return x_m;
+    };
+    const double before_m = surface();
+    for (int i = 0; i < 20; ++i) tick(0.05);
+    const double went_m = before_m - surface();
+    if (points == 1)
+      EXPECT_GT(went_m, 1e-3) << "it rolls";
+    else
+      EXPECT_LT(went_m, 2e-4) << "it stands";
+  }
+}
+
 TEST_F(LocalWorldTest, MovesASurfaceThatIsFeltWithoutAJump) {
   world->reset({0.0, 0, 0});
   world->take(wall(0.0, now_ns), now_ns);
@@ -219,6 +263,33 @@ TEST_F(LocalWorldTest, AContactThatIsGoneRecedesAndIsForgotten) {
 }
 
 // A plate that comes at 0.1 m/s, and then no answer any more: it goes on for a period and a half and then stops.
+// In a heap sixteen others can be nearer by the next answer. What is felt has a place still, and recedes.
+TEST_F(LocalWorldTest, WhatIsFeltRecedesThoughSixteenOthersAreNamed) {
+  const auto crowd = [this](std::uint32_t first, bool touched) {
+    ProxyContacts out = wall(0.0, now_ns);
+    out.contacts = out.bodies = rtbus::kContactSlots;
+    for (std::uint32_t i = 0; i < rtbus::kContactSlots; ++i) {
+      out.contact_body[i] = i;
+      out.body_index[i] = first + i;
+      out.contact_normal[i] = {1, 0, 0};
+      out.contact_point_m[i] = {touched && i == 0 ? 0.0 : -0.05, 0, 0};
+    }
+    return out;
+  };
+  world->reset({0.0, 0, 0});
+  world->take(crowd(0, true), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i < 100; ++i) force_n = tick(-0.002);
+  ASSERT_NEAR(force_n, kStiffness * 0.002, 1e-6);
+  world->take(crowd(100, false), now_ns);
+  for (int i = 0; i < 50 && force_n > 0.0; ++i) {
+    const double next_n = tick(-0.002);
+    ASSERT_GE(next_n, force_n - kStiffness * 0.2 * kStepS - kDamping * 0.2 - 1e-9) << i;
+    force_n = next_n;
+  }
+  EXPECT_EQ(force_n, 0.0);
+}
+
 TEST_F(LocalWorldTest, BrakesWithoutNews) {
   world->reset({0.5, 0, 0});
   ProxyContacts plate = body(0.0, 0.1, now_ns);
