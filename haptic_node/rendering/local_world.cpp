@@ -245,6 +245,10 @@ void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
   const Vector3d more_n_m_s = pushes_[push].from_centre_m.cross(more_n_s);
   body.given_n_s += more_n_s;
   body.given_n_m_s += more_n_m_s;
+  if (!body.jammed && solver_body_[push_slot_[push]] >= 0) {  // it moves by what was felt
+    body.motion.velocity_m_s += body.motion.inverse_mass_per_kg * more_n_s;
+    body.motion.angular_velocity_rad_s += body.motion.inverse_inertia_per_kg_m2 * more_n_m_s;
+  }
   const std::size_t newest = (instant_count_ - 1) % kInstants;
   if (instant_count_ == 0 || instant_ns_[newest] != now_ns_) return;
   instants_[newest][push_slot_[push]].given_n_s += more_n_s;
