@@ -280,12 +280,16 @@ TEST(LocalContact, FeelsAPlateThatMovesByItselfInFull) {
 TEST(LocalContact, TwoHandsLiftABlock) {
   Harness harness = harness_of("two_hands.yaml", {"haptic.0.method=local_contact", "haptic.1.method=local_contact"});
   harness.run_all(6.0, [](std::size_t, const Telemetry&) {});
-  double squeeze_n = 0.0;
+  double squeeze_n = 0.0, weight_n[2] = {};
+  std::size_t ticks = 0;
   harness.run_all(0.5, [&](std::size_t hand, const Telemetry& tick) {
-    if (hand == 0) squeeze_n = -tick.force_n[0];
     EXPECT_GT(std::abs(tick.force_n[0]), 1.0) << "holds it";
-    EXPECT_NEAR(tick.force_n[1], -0.49, 0.1) << "and half of its weight";
+    if (hand == 0) squeeze_n = -tick.force_n[0], ++ticks;
+    weight_n[hand] -= tick.force_n[1];
   });
+  const double n = static_cast<double>(ticks);
+  EXPECT_NEAR((weight_n[0] + weight_n[1]) / n, 0.98, 0.05) << "the hands share its weight";
+  EXPECT_GT(std::min(weight_n[0], weight_n[1]) / n, 0.3);
   EXPECT_NEAR(squeeze_n, 1.45, 0.2);
 }
 
