@@ -47,8 +47,8 @@ Vector3d slip(const SolverBody* bodies, const SolverContact& contact) noexcept {
 void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   Matrix3d W = inverse_mass_at(bodies[contact.a], contact.from_a_m);
   if (contact.b >= 0) W += inverse_mass_at(bodies[contact.b], contact.from_b_m);
-  contact.inverse_mass_normal = contact.normal.dot(W * contact.normal);
-  contact.mass_torsion = 0.0;
+  contact.inverse_mass_normal_per_kg = contact.normal.dot(W * contact.normal);
+  contact.inertia_torsion_kg_m2 = 0.0;
   if (contact.friction <= 0.0) return;
   contact.tangent[0] = contact.normal.unitOrthogonal();
   contact.tangent[1] = contact.normal.cross(contact.tangent[0]);
@@ -58,15 +58,15 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   const double w11 = contact.tangent[1].dot(W * contact.tangent[1]);
   const double determinant = w00 * w11 - w01 * w01;
   if (determinant > 0.0) {
-    contact.mass_tangent << w11, -w01, -w01, w00;
-    contact.mass_tangent /= determinant;
+    contact.mass_tangent_kg << w11, -w01, -w01, w00;
+    contact.mass_tangent_kg /= determinant;
   } else {
-    contact.mass_tangent.setZero();
+    contact.mass_tangent_kg.setZero();
   }
   if (contact.torsion_radius_m <= 0.0) return;
   double about_normal = contact.normal.dot(bodies[contact.a].inverse_inertia_per_kg_m2 * contact.normal);
   if (contact.b >= 0) about_normal += contact.normal.dot(bodies[contact.b].inverse_inertia_per_kg_m2 * contact.normal);
-  contact.mass_torsion = about_normal > 0.0 ? 1.0 / about_normal : 0.0;
+  contact.inertia_torsion_kg_m2 = about_normal > 0.0 ? 1.0 / about_normal : 0.0;
 }
 
 /// Below this impulse what gives way would come faster than it may.
@@ -78,18 +78,18 @@ double advance_impulse(const SolverContact& contact) noexcept {
 
 /// One contact in turn. @returns how much the velocities there have changed.
 double relax(SolverBody* bodies, SolverContact& contact) noexcept {
-  if (contact.inverse_mass_normal <= 0.0) return 0.0;
+  if (contact.inverse_mass_normal_per_kg <= 0.0) return 0.0;
   const double soft = contact.softness_per_kg;
   const double normal_velocity = contact.normal.dot(slip(bodies, contact)) + contact.closing_m_s +
                                  soft * (contact.normal_n_s - contact.expected_n_s);
-  double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal + soft));
+  double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal_per_kg + soft));
   if (const double least = advance_impulse(contact); normal < least) {
     const double held_m_s = normal_velocity - soft * (contact.normal_n_s - contact.expected_n_s) +
                             contact.normal.dot(contact.surface_velocity_m_s) - contact.advance_m_s;
-    normal = std::clamp(contact.normal_n_s - held_m_s / contact.inverse_mass_normal, 0.0, least);
+    normal = std::clamp(contact.normal_n_s - held_m_s / contact.inverse_mass_normal_per_kg, 0.0, least);
   }
   const double step = normal - contact.normal_n_s;
-  double change = std::abs(step) * contact.inverse_mass_normal;
+  double change = std::abs(step) * contact.inverse_mass_normal_per_kg;
   if (step != 0.0) {
     push(bodies, contact, step * contact.normal);
     contact.impulse_n_s += step * contact.normal;
@@ -103,20 +103,20 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const Vector3d u = slip(bodies, contact);
   const Eigen::Vector2d slip2(contact.tangent[0].dot(u), contact.tangent[1].dot(u));
   const Eigen::Vector2d before(contact.tangent[0].dot(tangential), contact.tangent[1].dot(tangential));
-  Eigen::Vector2d after = before - contact.mass_tangent * slip2;
+  Eigen::Vector2d after = before - contact.mass_tangent_kg * slip2;
   if (const double length = after.norm(); length > cone) after *= length > 0.0 ? cone / length : 0.0;
   const Vector3d correction =
       contact.tangent[0] * (after.x() - before.x()) + contact.tangent[1] * (after.y() - before.y());
   push(bodies, contact, correction);
   contact.impulse_n_s =
       contact.normal_n_s * contact.normal + contact.tangent[0] * after.x() + contact.tangent[1] * after.y();
-  change = std::max(change, correction.cwiseAbs().maxCoeff() * contact.inverse_mass_normal);
+  change = std::max(change, correction.cwiseAbs().maxCoeff() * contact.inverse_mass_normal_per_kg);
 
-  if (contact.mass_torsion > 0.0) {
+  if (contact.inertia_torsion_kg_m2 > 0.0) {
     const double rate = contact.normal.dot(bodies[contact.a].angular_velocity_rad_s) -
                         (contact.b >= 0 ? contact.normal.dot(bodies[contact.b].angular_velocity_rad_s) : 0.0);
     const double limit = cone * contact.torsion_radius_m;
-    const double torsion = std::clamp(contact.torsion_n_m_s - rate * contact.mass_torsion, -limit, limit);
+    const double torsion = std::clamp(contact.torsion_n_m_s - rate * contact.inertia_torsion_kg_m2, -limit, limit);
     spin(bodies, contact, torsion - contact.torsion_n_m_s);
     contact.torsion_n_m_s = torsion;
   }

@@ -43,10 +43,10 @@ struct SolverContact {
   double torsion_n_m_s = 0.0;                             ///< On `a`, about the normal.
 
   // Made by solve_contacts().
-  double inverse_mass_normal = 0.0;
+  double inverse_mass_normal_per_kg = 0.0;
   std::array<Eigen::Vector3d, 2> tangent{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
-  Eigen::Matrix2d mass_tangent = Eigen::Matrix2d::Zero();
-  double mass_torsion = 0.0;
+  Eigen::Matrix2d mass_tangent_kg = Eigen::Matrix2d::Zero();
+  double inertia_torsion_kg_m2 = 0.0;
 };
 
 /// Projected Gauss-Seidel, J. J. Moreau's sweeping process in impulses (M. Jean, "The non-smooth contact dynamics
