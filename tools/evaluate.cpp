@@ -61,6 +61,7 @@ struct Row {
   bool takes_config;
   bool takes_set;
   void (*run)(const EvaluateOptions& options, Experiment& experiment);
+  bool one_core = false;  ///< Takes one, and starts no nodes: another such may run beside it.
 };
 
 std::string session_of(const EvaluateOptions& options, const char* own) {
@@ -156,8 +157,8 @@ constexpr std::array kExperiments{
     Row{"drop", "free fall onto a wall (paper, Figs 8 to 11)", true, true, &run_drop},
     Row{"stack", "a push into 125, 250 and 500 cubes (Figs 12 to 16, Table I)", false, true, &run_stack},
     Row{"soft", "five soft bodies touched (Figs 17 to 19)", true, true, &run_soft},
-    Row{"work-precision", "force error against run time", false, true, &run_work_precision},
-    Row{"local-contact", "each claim of the method local_contact", false, true, &run_local_contact},
+    Row{"work-precision", "force error against run time", false, true, &run_work_precision, true},
+    Row{"local-contact", "each claim of the method local_contact", false, true, &run_local_contact, true},
     Row{"stability", "seeded cases from easy to absurd, and maps", true, true, &run_stability},
     Row{"faults", "what the hand feels when something dies", true, false, &run_faults},
     Row{"overhead", "what each optional part costs", false, false, &run_overhead},
@@ -190,9 +191,12 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
   }
 }
 
-/// How an experiment in a process of its own ended, and what it took.
+/// An experiment in a process of its own, and how it ended.
 struct OneOfAll {
   std::string name;
+  pid_t pid = -1;
+  std::FILE* held = nullptr;  ///< What it printed, when that has to wait for its turn.
+  std::uint64_t began_ns = 0;
   int status = kExitFailed;
   double wall_s = 0.0;
   double cpu_s = 0.0;  ///< Its own and of what it started.
@@ -200,62 +204,82 @@ struct OneOfAll {
 
 /// Each begins as if it were the only one: no library is mapped that another has needed, no memory is held, and one
 /// that crashes leaves the others to run.
-OneOfAll evaluate_apart(const Row& row, const EvaluateOptions& options, const std::string& command_line) {
+OneOfAll start_apart(const Row& row, const EvaluateOptions& options, const std::string& command_line, bool hold) {
   OneOfAll out{row.name};
-  const std::uint64_t began_ns = rtbus::monotonic_ns();
+  if (hold) out.held = std::tmpfile();
+  out.began_ns = rtbus::monotonic_ns();
   std::fflush(nullptr);
-  const pid_t pid = ::fork();
-  if (pid == 0) {
+  out.pid = ::fork();
+  if (out.pid == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (out.held != nullptr) ::dup2(::fileno(out.held), STDOUT_FILENO);
     const int status = evaluate_one(row, options, command_line);
     std::fflush(nullptr);
     ::_exit(status);
   }
-  if (pid < 0) {
-    std::fprintf(stderr, "evaluate %s: no process: %s\n", row.name, std::strerror(errno));
-    return out;
-  }
+  if (out.pid < 0) std::fprintf(stderr, "evaluate %s: no process: %s\n", row.name, std::strerror(errno));
+  return out;
+}
+
+void finish_apart(OneOfAll& one) {
+  if (one.pid < 0) return;
+  // Ctrl-C reaches it by itself, a signal to this process alone does not.
+  bool told = false;
+  const auto tell = [&] {
+    if (interrupted() && !std::exchange(told, true)) ::kill(one.pid, SIGTERM);
+  };
   int status = 0;
   rusage used{};
-  bool told = false;
-  while (::wait4(pid, &status, 0, &used) < 0 && errno == EINTR) {
-    // Ctrl-C reaches it by itself, a signal to this process alone does not.
-    if (interrupted() && !std::exchange(told, true)) ::kill(pid, SIGTERM);
-  }
+  tell();
+  while (::wait4(one.pid, &status, 0, &used) < 0 && errno == EINTR) tell();
   if (WIFEXITED(status)) {
-    out.status = WEXITSTATUS(status);
+    one.status = WEXITSTATUS(status);
   } else {
-    std::fprintf(stderr, "evaluate %s: ended by signal %d\n", row.name, WTERMSIG(status));
+    std::fprintf(stderr, "evaluate %s: ended by signal %d\n", one.name.c_str(), WTERMSIG(status));
   }
   const auto seconds = [](const timeval& t) {
     return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
   };
-  out.wall_s = rtbus::seconds_between(began_ns, rtbus::monotonic_ns());
-  out.cpu_s = seconds(used.ru_utime) + seconds(used.ru_stime);
-  return out;
+  one.wall_s = rtbus::seconds_between(one.began_ns, rtbus::monotonic_ns());
+  one.cpu_s = seconds(used.ru_utime) + seconds(used.ru_stime);
+  if (one.held == nullptr) return;
+  std::rewind(one.held);
+  for (int c = std::fgetc(one.held); c != EOF; c = std::fgetc(one.held)) std::putchar(c);
+  std::fclose(one.held);
 }
 
-/// One after the other; the worst status of all.
+/// One after the other, but two that take one core each run beside each other; the worst status of all.
 int evaluate_all(const EvaluateOptions& options, const std::string& command_line) {
   if (!options.config.empty() || !options.assignments.empty()) {
     std::fprintf(stderr, "evaluate all takes neither --config nor --set: not every experiment does\n");
     return kExitUsage;
   }
+  const std::uint64_t began_ns = rtbus::monotonic_ns();
   std::vector<OneOfAll> ended;
-  for (const Row& row : kExperiments) {
+  for (std::size_t i = 0; i < kExperiments.size(); ++i) {
     if (interrupted()) return kExitFailed;
-    if (!options.json) std::printf("\n== evaluate %s\n", row.name);
-    ended.push_back(evaluate_apart(row, options, command_line));
+    const bool pair = i + 1 < kExperiments.size() && kExperiments[i].one_core && kExperiments[i + 1].one_core;
+    const auto head = [&](std::size_t which) {
+      if (!options.json) std::printf("\n== evaluate %s\n", kExperiments[which].name);
+    };
+    head(i);
+    ended.push_back(start_apart(kExperiments[i], options, command_line, false));
+    const std::size_t first = ended.size() - 1;
+    if (pair) ended.push_back(start_apart(kExperiments[i + 1], options, command_line, true));
+    finish_apart(ended[first]);
+    if (!pair) continue;
+    head(++i);
+    finish_apart(ended.back());
   }
+  const double wall_s = rtbus::seconds_between(began_ns, rtbus::monotonic_ns());
   int worst = kExitFine;
-  double wall_s = 0.0, cpu_s = 0.0;
+  double cpu_s = 0.0;
   std::size_t passed = 0;
   std::FILE* const to = options.json ? stderr : stdout;
   std::fprintf(to, "\n  %-16s %8s %8s\n", "experiment", "wall [s]", "CPU [s]");
   for (const OneOfAll& one : ended) {
     worst = std::max(worst, one.status);
     passed += one.status == kExitFine ? 1U : 0U;
-    wall_s += one.wall_s;
     cpu_s += one.cpu_s;
     std::fprintf(to, "  %-16s %8.0f %8.0f  %s\n", one.name.c_str(), one.wall_s, one.cpu_s,
                  one.status == kExitFine ? "passed" : "FAILED");
