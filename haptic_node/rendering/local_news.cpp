@@ -203,6 +203,12 @@ void LocalWorld::take_supports(const rtbus::ProxyContacts& answer) noexcept {
       body.motion.inverse_mass_per_kg = 0.0;
       body.force_n.setZero();
       body.torque_n_m.setZero();
+      // As in a heap: a speed that the hand does not share is over by the time it is told.
+      const double lasting_m_s = std::max(LocalHeap::kOwnSpeed_m_s, hand_m_s_.norm());
+      if (const double speed = body.motion.velocity_m_s.norm(); body.moves && !body.driven && speed > lasting_m_s) {
+        body.motion.velocity_m_s *= lasting_m_s / speed;
+        body.motion.angular_velocity_rad_s.setZero();
+      }
     }
     if (body.jammed || body.motion.inverse_mass_per_kg <= 0.0) continue;
     if (body.supported) {
