@@ -111,7 +111,13 @@ TEST_F(DeviceTools, TestAFalconByItsUsbId) {
             "{hand: {type: waypoints, file: circle.csv, loop: true, impedance: firm, buttons: [{time_s: "
             "0.5, button: 2}, {time_s: 3, button: 2, pressed: false}, {time_s: 5, button: 1}, {time_s: "
             "60, button: 1, pressed: false}]}}}}");
-  EXPECT_EQ(rtbus({"device-test", "0403:CB48", "--virtual", file, "--yes", "--seconds", "4", "--json"}), 0) << output();
+  const auto test = [&] {
+    return rtbus({"device-test", "0403:CB48", "--virtual", file, "--yes", "--seconds", "4", "--json"});
+  };
+  int status = test();
+  // A machine that stands still for a moment loses the device, and the tool says so; not twice in a row.
+  if (status != 0 && output().find("the device was lost meanwhile") != std::string::npos) status = test();
+  EXPECT_EQ(status, 0) << output();
   const json report = printed();
   EXPECT_TRUE(report["pass"]) << report.dump(1);
   EXPECT_EQ(report["device"], "novint_falcon");
