@@ -126,8 +126,8 @@ void read_safety(Map& entry, HapticConfig& out) {
 
 /// Without `method`: the most exact one that the session allows. The pipe carries no contacts, and what the paper does
 /// not have cannot be as the paper has it. Two hands that hold one body are springs to each other, which neither of
-/// their local worlds knows; and a body that is very light beside the tip is thrown by the impulses of one step of
-/// physics.
+/// their local worlds knows; a body that is very light beside the tip is thrown by the impulses of one step of physics;
+/// and soft ones give way twice as much in the loop as they do (decision 0008), which no rate of physics mends.
 const char* default_method(const rtbus::config::SessionConfig& session, const rtbus::config::LinkConfig& wire,
                            double tip_mass_kg) {
   if (!session.physics) return "direct";
@@ -135,7 +135,9 @@ const char* default_method(const rtbus::config::SessionConfig& session, const rt
   const bool light = std::any_of(bodies.begin(), bodies.end(), [tip_mass_kg](const auto& body) {
     return body.mass_kg > 0.0 && body.mass_kg < kLightestBody * tip_mass_kg;
   });
-  return wire.paper || wire.pipe || session.haptic.size() > 1 || light ? "remote_virtual_coupling" : "local_contact";
+  const bool soft = !session.scene.soft_bodies.empty();
+  return wire.paper || wire.pipe || session.haptic.size() > 1 || light || soft ? "remote_virtual_coupling"
+                                                                               : "local_contact";
 }
 
 void read_method(Map& entry, const RendererEntry& method, HapticConfig& out) {

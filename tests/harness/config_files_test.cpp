@@ -139,7 +139,7 @@ TEST(HapticConfig, ChoosesTheMethodThatTheSessionAllows) {
   };
   EXPECT_EQ(chosen("wall.yaml", {}), "local_contact");
   EXPECT_EQ(chosen("stack_125.yaml", {}), "local_contact");
-  EXPECT_EQ(chosen("soft.yaml", {}), "local_contact");
+  EXPECT_EQ(chosen("soft.yaml", {}), "remote_virtual_coupling");
   EXPECT_EQ(chosen("wall.yaml", {"physics=null"}), "direct");
   EXPECT_EQ(chosen("wall.yaml", {"haptic.0.form=paper"}), "remote_virtual_coupling");
   EXPECT_EQ(chosen("wall.yaml", {"haptic.0.link=pipe", "haptic.0.link_rate_hz=50", "physics.step_on=packet"}),
