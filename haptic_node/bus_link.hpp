@@ -20,7 +20,8 @@ namespace haptic {
 /// receive() belong to the loop's thread, maintain() to the housekeeping thread.
 class BusLink final : public PhysicsLink {
  public:
-  /// @param needs_physics False: the incoming topics are left out. @param needs_contacts False: so is that of the contacts.
+  /// @param needs_physics False: the incoming topics are left out. @param needs_contacts False: so is that of the
+  /// contacts.
   /// @param wire Form of the link.
   BusLink(rtbus::Publication<rtbus::DeviceState> device_state, const rtbus::Session& session, const std::string& node,
           bool needs_physics, bool needs_contacts, const rtbus::config::LinkConfig& wire)
@@ -46,7 +47,7 @@ class BusLink final : public PhysicsLink {
     return proxy_state_ && proxy_state_->read_latest(out) == rtbus::ReadStatus::kFresh;
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept RTBUS_NONBLOCKING override {
-    return contacts_ && contacts_->read_latest(out) == rtbus::ReadStatus::kFresh;
+    return contacts_ && contacts_->read_latest_rows(out) == rtbus::ReadStatus::kFresh;
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
     return heartbeat_ && heartbeat_->read_latest(out) == rtbus::ReadStatus::kFresh;

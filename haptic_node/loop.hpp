@@ -30,7 +30,8 @@ class PhysicsLink {
   virtual void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING = 0;
   /// The newest answer of physics; true when it is newer than the last one received.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING = 0;
-  /// What is around the proxy; likewise. Asked only by a law that needs it.
+  /// What is around the proxy; likewise. Asked only by a law that needs it. Rows beyond the counts are not to be read;
+  /// without an answer `out` may be scribbled on.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyContacts>& /*out*/) noexcept RTBUS_NONBLOCKING {
     return false;
   }
@@ -119,6 +120,7 @@ class Loop {
   rtbus::Stamped<rtbus::ProxyState> proxy_news_;
   rtbus::Stamped<rtbus::Heartbeat> beat_news_;
   rtbus::Stamped<rtbus::ProxyContacts> contact_news_;
+  bool contacts_wait_ = false;  ///< For the next tick.
   drivers::DeviceSample sample_;
   bool device_ok_ = false;
   bool device_seen_ = false;        ///< It has answered once.

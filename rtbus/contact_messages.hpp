@@ -115,8 +115,12 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, support_velocity_m_s, "m/s"),
                                       RTBUS_FIELD(T, support_inverse_mass_per_kg, "1/kg"),
                                       RTBUS_FIELD(T, support_points, "1")};
+  static constexpr std::array kTables{
+      RTBUS_TABLE(T, contacts, contact_body, contact_inverse_mass_per_kg, kContactSlots),
+      RTBUS_TABLE(T, bodies, body_index, body_proxy_force_n, kContactSlots),
+      RTBUS_TABLE(T, supports, support_body, support_points, kSupportSlots)};
 };
 
-static_assert(sizeof(ProxyContacts) == 10176 && Sample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 10176 && TabularSample<ProxyContacts>);
 
 }  // namespace rtbus

@@ -116,6 +116,82 @@ concept Sample = std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T>
                    SampleTraits<T>::kFields;
                  } && detail::fields_tile_sample<T>();
 
+/// Consecutive fields of a sample that are the columns of one table: arrays of `rows` entries, of which the first ones
+/// carry something, as many as the u32 at `count_offset` says. A reader may leave out the others.
+struct Table {
+  std::uint32_t count_offset;
+  std::uint32_t begin_offset;  ///< Of the first column.
+  std::uint32_t end_offset;    ///< Behind the last.
+  std::uint32_t rows;
+};
+
+/// A row of SampleTraits<T>::kTables.
+#define RTBUS_TABLE(Type, count, first, last, rows)                                                        \
+  ::rtbus::Table {                                                                                         \
+    static_cast<std::uint32_t>(offsetof(Type, count)), static_cast<std::uint32_t>(offsetof(Type, first)),  \
+        static_cast<std::uint32_t>(offsetof(Type, last) + sizeof(Type::last)), rows                        \
+  }
+
+namespace detail {
+
+/// One column of a table, and where its number of used rows stands.
+struct Column {
+  std::uint32_t offset, row_bytes, rows, count_offset;
+};
+
+/// Bytes before the first table.
+template <class T>
+consteval std::uint32_t head_bytes() {
+  return SampleTraits<T>::kTables.front().begin_offset;
+}
+
+/// True when the tables fill the sample behind its head without a gap, whose fields hold their counts.
+template <class T>
+consteval bool tables_fit_sample() {
+  std::uint32_t end = head_bytes<T>();
+  for (const Table& table : SampleTraits<T>::kTables) {
+    if (table.begin_offset != end || table.rows == 0 || table.count_offset % 4 != 0 ||
+        table.count_offset + 4 > head_bytes<T>()) {
+      return false;
+    }
+    bool counted = false;
+    for (const Field& field : SampleTraits<T>::kFields) {
+      counted |= field.offset == table.count_offset && field.type == FieldType::kU32 && field.count == 1;
+      if (field.offset < table.begin_offset || field.offset >= table.end_offset) continue;
+      if (field.offset % 8 != 0 || field.count % table.rows != 0) return false;
+    }
+    if (!counted) return false;
+    end = table.end_offset;
+  }
+  return end == sizeof(T) && head_bytes<T>() % 8 == 0;
+}
+
+/// The columns of all tables.
+template <class T>
+consteval auto columns_of() {
+  constexpr std::size_t kColumns = [] {
+    std::size_t count = 0;
+    for (const Field& field : SampleTraits<T>::kFields) count += field.offset >= head_bytes<T>() ? 1 : 0;
+    return count;
+  }();
+  std::array<Column, kColumns> out{};
+  std::size_t next = 0;
+  for (const Field& field : SampleTraits<T>::kFields) {
+    for (const Table& table : SampleTraits<T>::kTables) {
+      if (field.offset < table.begin_offset || field.offset >= table.end_offset) continue;
+      out[next++] = {field.offset, field.count / table.rows * field_type_bytes(field.type), table.rows,
+                     table.count_offset};
+    }
+  }
+  return out;
+}
+
+}  // namespace detail
+
+/// A sample that is a head and tables.
+template <class T>
+concept TabularSample = Sample<T> && requires { SampleTraits<T>::kTables; } && detail::tables_fit_sample<T>();
+
 /// Changes whenever name, size or any field of T changes; both ends of a topic compare it.
 template <Sample T>
 consteval std::uint64_t type_hash() {

@@ -44,6 +44,13 @@ class Subscription {
     adopt();
     return current_ != nullptr ? current_->read_latest(out) : ReadStatus::kDetached;
   }
+  /// As Reader::read_latest_rows does; likewise. @realtime Yes, wait-free.
+  [[nodiscard]] ReadStatus read_latest_rows(Stamped<T>& out) noexcept RTBUS_NONBLOCKING
+    requires TabularSample<T>
+  {
+    adopt();
+    return current_ != nullptr ? current_->read_latest_rows(out) : ReadStatus::kDetached;
+  }
   /// In order, as Reader::read_next does. @realtime Yes, wait-free.
   [[nodiscard]] ReadStatus read_next(Stamped<T>& out) noexcept RTBUS_NONBLOCKING {
     adopt();

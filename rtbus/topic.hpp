@@ -106,6 +106,14 @@ class Reader {
     return status(ring_.template read_latest<kWords>(&out.value, out.sequence, out.stamp_ns));
   }
 
+  /// The same, without the rows of its tables that the sample does not count: less to fetch from the writer's cache.
+  /// Those keep what they had; unless kFresh `out` is scribbled on. @realtime Yes, wait-free.
+  [[nodiscard]] ReadStatus read_latest_rows(Stamped<T>& out) noexcept RTBUS_NONBLOCKING requires TabularSample<T> {
+    static constexpr auto kColumns = detail::columns_of<T>();
+    return status(ring_.read_latest_rows(reinterpret_cast<std::byte*>(&out.value), detail::head_bytes<T>() / 8,
+                                         kColumns, out.sequence, out.stamp_ns));
+  }
+
   /// Copies the sample after the one read before, in order. A reader that was overtaken jumps to the oldest sample
   /// that is safely held and counts what it lost in missed(). @realtime Yes, wait-free.
   [[nodiscard]] ReadStatus read_next(Stamped<T>& out) noexcept RTBUS_NONBLOCKING {

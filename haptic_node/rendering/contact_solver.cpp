@@ -125,10 +125,13 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
 
 }  // namespace
 
-int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps) noexcept {
+void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept {
+  for (std::size_t i = 0; i < count; ++i) prepare(bodies, contacts[i]);
+}
+
+int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps) noexcept {
   for (std::size_t i = 0; i < count; ++i) {
     SolverContact& contact = contacts[i];
-    prepare(bodies, contact);
     // The normal may have turned since the last step.
     contact.normal_n_s = std::max(0.0, contact.normal.dot(contact.impulse_n_s));
     if (contact.friction <= 0.0) {
@@ -146,6 +149,11 @@ int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
     if (change <= kTolerance_m_s) break;
   }
   return sweeps;
+}
+
+int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps) noexcept {
+  prepare_contacts(bodies, contacts, count);
+  return relax_contacts(bodies, contacts, count, max_sweeps);
 }
 
 }  // namespace haptic

@@ -42,7 +42,7 @@ struct SolverContact {
   double normal_n_s = 0.0;                                ///< Its normal part.
   double torsion_n_m_s = 0.0;                             ///< On `a`, about the normal.
 
-  // Made by solve_contacts().
+  // Made by prepare_contacts().
   double inverse_mass_normal_per_kg = 0.0;
   std::array<Eigen::Vector3d, 2> tangent{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   Eigen::Matrix2d mass_tangent_kg = Eigen::Matrix2d::Zero();
@@ -56,6 +56,12 @@ struct SolverContact {
 /// @returns the sweeps made. @realtime Yes.
 inline constexpr double kTolerance_m_s = 1e-6;
 int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
+                   int max_sweeps) noexcept RTBUS_NONBLOCKING;
+
+/// The two parts of it, for several solutions in a row: the first depends on masses and geometry alone, the second also
+/// on velocities, forces and what `contacts` begins with. @realtime Yes.
+void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
+int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
                    int max_sweeps) noexcept RTBUS_NONBLOCKING;
 
 }  // namespace haptic

@@ -47,7 +47,7 @@ double loosest_support(const rtbus::ProxyContacts& answer, std::size_t row) noex
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   good_until_ns_ = now_ns + static_cast<std::uint64_t>((kGoodFor * answer.step_s + kGoodBesides_s) * 1e9);
-  instant_apart_ns_ = static_cast<std::uint64_t>(kPastSteps * answer.step_s * 1e9 / kInstants);
+  given_apart_ns_ = static_cast<std::uint64_t>(kHistorySteps * answer.step_s * 1e9 / ImpulseHistory::kRecords);
   blend_s_ = std::max(kBlend_s, kBlendSteps * answer.step_s);
   heap_blend_s_ = std::max(kBlend_s, kHeapBlendSteps * answer.step_s);
   rock_blend_s_ = std::max(kRockBlend_s, kHeapBlendSteps * answer.step_s);
@@ -110,13 +110,12 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     if (!body.used) {
       body = Body{};
       body.index = answer.body_index[row];
-      body.since_ns = now_ns;
+      given_[slot].forget();
     }
     // Of what it had been given before it was known, nothing is known, nor is any of that ours.
-    Past then;
-    if (!past_of(body, slot, answer.device_time_ns, then)) then = Past{};
+    const Impulse then = given_[slot].at(answer.device_time_ns, body.given);
     body.centre_m = vector_of(answer.body_centre_m[row]);
-    body.jammed = take_heap(answer, row, body, then.given_n_s, age_s);
+    body.jammed = take_heap(answer, row, body, then.linear_n_s, age_s);
     if (!body.jammed) {
       body.motion.velocity_m_s = vector_of(answer.body_velocity_m_s[row]);
       body.motion.angular_velocity_rad_s = vector_of(answer.body_angular_velocity_rad_s[row]);
@@ -124,7 +123,7 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     body.used = body.named = true;
     body.told_ns = answer.device_time_ns;
     body.told_centre_m = vector_of(answer.body_centre_m[row]);
-    body.told_given_n_s = then.given_n_s;
+    body.told_given_n_s = then.linear_n_s;
     body.moves = answer.body_kind[row] != 0;
     body.driven = answer.body_kind[row] == 1;
     body.motion.inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
@@ -154,7 +153,7 @@ bool LocalWorld::take_heap(const rtbus::ProxyContacts& answer, std::size_t row, 
   } else if (!body.used) {
     heap.forget();
   }
-  body.centre_m = centre_m + heap.way_m(body.given_n_s - given_n_s, age_s);
+  body.centre_m = centre_m + heap.way_m(body.given.linear_n_s - given_n_s, age_s);
   return true;
 }
 

@@ -11,35 +11,6 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// False: it was not known at that instant.
-bool LocalWorld::past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept {
-  if (instant_count_ == 0 || time_ns < body.since_ns) return false;
-  // The first instant that is later, by halving; the ring keeps the newest kInstants.
-  const std::uint64_t oldest = instant_count_ > kInstants ? instant_count_ - kInstants : 0;
-  std::uint64_t low = oldest;
-  std::uint64_t high = instant_count_;
-  while (low < high) {
-    const std::uint64_t middle = low + (high - low) / 2;
-    if (instant_ns_[middle % kInstants] <= time_ns)
-      low = middle + 1;
-    else
-      high = middle;
-  }
-  if (low == oldest) return false;
-  const Past& past = instants_[(low - 1) % kInstants][slot];
-  if (!past.used || past.index != body.index) return false;
-  out = past;
-  if (low == instant_count_) return true;
-  const Past& next = instants_[low % kInstants][slot];
-  if (!next.used || next.index != body.index) return true;
-  const std::uint64_t before_ns = instant_ns_[(low - 1) % kInstants];
-  const double share =
-      rtbus::seconds_between(before_ns, time_ns) / rtbus::seconds_between(before_ns, instant_ns_[low % kInstants]);
-  out.given_n_s += share * (next.given_n_s - past.given_n_s);
-  out.given_n_m_s += share * (next.given_n_m_s - past.given_n_m_s);
-  return true;
-}
-
 /// Every body that moves, and is not of a heap, goes on from the answer's instant to now.
 void LocalWorld::catch_up(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   if (answer.device_time_ns >= now_ns) return;
@@ -59,6 +30,10 @@ void LocalWorld::catch_up(const rtbus::ProxyContacts& answer, std::uint64_t now_
 void LocalWorld::replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t now_ns, int parts,
                         Quaterniond& turned) noexcept {
   Body& body = bodies_[slot];
+  const ImpulseHistory& history = given_[slot];
+  Impulse before = history.at(from_ns, body.given);
+  const bool rested = body.motion.velocity_m_s.isZero(0.0) && body.motion.angular_velocity_rad_s.isZero(0.0);
+  if (rested && before == body.given) parts = 1;
   const double h = rtbus::seconds_between(from_ns, now_ns) / parts;
   const double tick_s = std::min(h, tick_s_);
   std::array<std::size_t, kSupports> source;
@@ -73,22 +48,16 @@ void LocalWorld::replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t n
       source[rows++] = i;
     }
   }
-  Past before;
-  if (!past_of(body, slot, from_ns, before)) before = Past{};
+  prepare_contacts(&body.motion, rows_.data(), rows);
   turned.setIdentity();
   for (int part = 1; part <= parts; ++part) {
-    Past after;
-    if (part == parts) {
-      after.given_n_s = body.given_n_s;
-      after.given_n_m_s = body.given_n_m_s;
-    } else if (!past_of(body, slot, from_ns + (now_ns - from_ns) * static_cast<std::uint64_t>(part) / parts, after)) {
-      after = before;
-    }
+    const std::uint64_t until_ns = from_ns + (now_ns - from_ns) * static_cast<std::uint64_t>(part) / parts;
+    const Impulse after = history.at(until_ns, body.given);
+    const Impulse given = after - before;
     SolverBody next = body.motion;
-    next.velocity_m_s += next.inverse_mass_per_kg * (h * body.force_n + after.given_n_s - before.given_n_s);
-    next.angular_velocity_rad_s +=
-        next.inverse_inertia_per_kg_m2 * (h * body.torque_n_m + after.given_n_m_s - before.given_n_m_s);
-    if (rows > 0) solve_contacts(&next, rows_.data(), rows, kSweeps);
+    next.velocity_m_s += next.inverse_mass_per_kg * (h * body.force_n + given.linear_n_s);
+    next.angular_velocity_rad_s += next.inverse_inertia_per_kg_m2 * (h * body.torque_n_m + given.angular_n_m_s);
+    if (rows > 0) relax_contacts(&next, rows_.data(), rows, kSweeps);
     // Impulses came evenly over the part, each at the beginning of its tick.
     const Vector3d faster_m_s = next.velocity_m_s - body.motion.velocity_m_s;
     body.centre_m += h * (body.motion.velocity_m_s + 0.5 * faster_m_s) + 0.5 * tick_s * faster_m_s;

@@ -25,7 +25,6 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   for (Body& body : bodies_) body.used = false;
   contact_count_ = support_count_ = push_count_ = 0;
   hand_m_s_.setZero();
-  instant_count_ = 0;
   soft_.reset();
   good_until_ns_ = 0;
 }
@@ -79,6 +78,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     const int sweeps = std::clamp(kRowSweeps / static_cast<int>(all), kFewestSweeps, kSweeps);
     solve_contacts(solver_bodies_.data(), rows_.data(), all, sweeps);
   }
+  const std::uint64_t began_ns = sample_ns - static_cast<std::uint64_t>(h * 1e9);
   for (std::size_t i = 0; i < rows; ++i) {
     if (i >= solved_contacts_) {
       supports_[row_source_[i]].impulse_n_s = rows_[i].impulse_n_s;
@@ -90,8 +90,9 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     if (contact.impulse_n_s.isZero(0.0)) continue;
     impulse_n_s_ += contact.impulse_n_s;
     Body& body = bodies_[contact.body];
-    body.given_n_s -= contact.impulse_n_s;
-    body.given_n_m_s -= contact.from_centre_m.cross(contact.impulse_n_s);
+    const Impulse before = body.given;
+    body.given += {-contact.impulse_n_s, -contact.from_centre_m.cross(contact.impulse_n_s)};
+    given_[contact.body].add(began_ns, sample_ns, given_apart_ns_, before, body.given);
     push_slot_[push_count_] = contact.body;
     pushes_[push_count_++] = {body.index, -contact.impulse_n_s, contact.from_centre_m};
     if (body.driven) work_j_ += contact.impulse_n_s.dot(surface_m_s(contact));
@@ -104,7 +105,6 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   }
   if (soft_.any()) soft_.integrate(solver_bodies_.data(), kSoftBody, soft_rows, h, sample_ns);
   integrate(h);
-  remember(sample_ns);
 }
 
 /// Surfaces go on to where physics has them; without news everything comes to rest.
@@ -242,17 +242,13 @@ void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
   if (push_slot_[push] >= kBodies) return;  // soft: not carried forward by impulses
   Body& body = bodies_[push_slot_[push]];
   const Vector3d more_n_s = impulse_n_s - pushes_[push].impulse_n_s;
-  const Vector3d more_n_m_s = pushes_[push].from_centre_m.cross(more_n_s);
-  body.given_n_s += more_n_s;
-  body.given_n_m_s += more_n_m_s;
+  const Impulse more{more_n_s, pushes_[push].from_centre_m.cross(more_n_s)};
+  body.given += more;
   if (!body.jammed && solver_body_[push_slot_[push]] >= 0) {  // it moves by what was felt
-    body.motion.velocity_m_s += body.motion.inverse_mass_per_kg * more_n_s;
-    body.motion.angular_velocity_rad_s += body.motion.inverse_inertia_per_kg_m2 * more_n_m_s;
+    body.motion.velocity_m_s += body.motion.inverse_mass_per_kg * more.linear_n_s;
+    body.motion.angular_velocity_rad_s += body.motion.inverse_inertia_per_kg_m2 * more.angular_n_m_s;
   }
-  const std::size_t newest = (instant_count_ - 1) % kInstants;
-  if (instant_count_ == 0 || instant_ns_[newest] != now_ns_) return;
-  instants_[newest][push_slot_[push]].given_n_s += more_n_s;
-  instants_[newest][push_slot_[push]].given_n_m_s += more_n_m_s;
+  given_[push_slot_[push]].correct(now_ns_, more);
 }
 
 void LocalWorld::integrate(double h) noexcept {
@@ -295,21 +291,6 @@ void LocalWorld::move_heap(std::size_t slot, double h) noexcept {
   body.centre_m += way_m;
   body.motion.velocity_m_s = way_m / h;
   body.motion.angular_velocity_rad_s.setZero();
-}
-
-void LocalWorld::remember(std::uint64_t sample_ns) noexcept {
-  if (instant_count_ > 0 && sample_ns < instant_ns_[(instant_count_ - 1) % kInstants] + instant_apart_ns_) return;
-  const std::size_t newest = instant_count_++ % kInstants;
-  instant_ns_[newest] = sample_ns;
-  for (std::size_t slot = 0; slot < kBodies; ++slot) {
-    const Body& body = bodies_[slot];
-    Past& past = instants_[newest][slot];
-    past.used = body.used && body.moves;
-    if (!past.used) continue;
-    past.index = body.index;
-    past.given_n_s = body.given_n_s;
-    past.given_n_m_s = body.given_n_m_s;
-  }
 }
 
 }  // namespace haptic

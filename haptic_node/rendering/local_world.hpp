@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "haptic_node/rendering/contact_solver.hpp"
+#include "haptic_node/rendering/impulse_history.hpp"
 #include "haptic_node/rendering/local_heap.hpp"
 #include "haptic_node/rendering/local_soft.hpp"
 #include "rtbus/contact_messages.hpp"
@@ -95,23 +96,21 @@ class LocalWorld {
  private:
   struct Body {
     bool used = false;
-    bool named = false;  ///< By the answer that is being taken.
-    bool moves = false;  ///< Something other than a static body.
+    bool named = false;   ///< By the answer that is being taken.
+    bool moves = false;   ///< Something other than a static body.
     bool driven = false;  ///< Kinematic: whatever pushes.
     std::uint32_t index = 0;
-    std::uint64_t since_ns = 0;  ///< Known from then on.
     Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
     SolverBody motion;
-    Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< All but supports and the proxy.
+    Eigen::Vector3d force_n = Eigen::Vector3d::Zero();     ///< All but supports and the proxy.
     Eigen::Vector3d torque_n_m = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
     double friction_bound_n = 0.0;
     bool supported = false;
-    bool rocks = false;   ///< Stands on an edge or a point: what it does at an instant is noise.
-    bool jammed = false;  ///< Held by bodies that move themselves: a heap.
-    LocalHeap heap;       ///< If so.
-    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();    ///< By the proxy, since it is known.
-    Eigen::Vector3d given_n_m_s = Eigen::Vector3d::Zero();  ///< Likewise, about the centre.
-    std::uint64_t told_ns = 0;  ///< Instant of the last answer, where it had the body, and given_n_s then.
+    bool rocks = false;         ///< Stands on an edge or a point: what it does at an instant is noise.
+    bool jammed = false;        ///< Held by bodies that move themselves: a heap.
+    LocalHeap heap;             ///< If so.
+    Impulse given;              ///< By the proxy, since it is known.
+    std::uint64_t told_ns = 0;  ///< Instant of the last answer, where it had the body, and what was given until then.
     Eigen::Vector3d told_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d told_given_n_s = Eigen::Vector3d::Zero();
   };
@@ -138,17 +137,10 @@ class LocalWorld {
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
     double torsion_n_m_s = 0.0;
   };
-  /// What a body had been given at an instant.
-  struct Past {
-    bool used = false;
-    std::uint32_t index = 0;
-    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero(), given_n_m_s = Eigen::Vector3d::Zero();
-  };
-  static constexpr std::size_t kInstants = 512;
-  static constexpr double kPastSteps = 2.5;      ///< So many steps of physics are kept: an answer is at most two old.
+  /// So many steps of physics are kept of what was given: an answer is at most two old.
+  static constexpr double kHistorySteps = 2.5;
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
-  [[nodiscard]] bool past_of(const Body& body, std::size_t slot, std::uint64_t time_ns, Past& out) const noexcept;
   [[nodiscard]] SolverContact support_row(const Support& support, double h) const noexcept;
   void catch_up(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept;
   void replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t now_ns, int parts,
@@ -170,7 +162,6 @@ class LocalWorld {
   [[nodiscard]] Eigen::Vector3d heap_surface_m_s(const Body& body, const Eigen::Vector3d& normal) const noexcept;
   std::size_t gather(double h) noexcept;
   void integrate(double h) noexcept;
-  void remember(std::uint64_t sample_ns) noexcept;
 
   Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();
@@ -207,10 +198,8 @@ class LocalWorld {
   std::array<std::size_t, kSolved + LocalSoft::kPatches> push_slot_{};  ///< Of its body; kSoftBody and on: soft.
   std::size_t push_count_ = 0;
 
-  std::array<std::uint64_t, kInstants> instant_ns_{};  ///< A ring: the last is instant_count_ − 1.
-  std::array<std::array<Past, kBodies>, kInstants> instants_{};
-  std::uint64_t instant_count_ = 0;
-  std::uint64_t instant_apart_ns_ = 0;
+  std::array<ImpulseHistory, kBodies> given_{};  ///< To the body of that slot.
+  std::uint64_t given_apart_ns_ = 0;             ///< What is nearer shares a record.
 };
 
 }  // namespace haptic

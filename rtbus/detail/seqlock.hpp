@@ -133,7 +133,7 @@ class RingReader {
   [[nodiscard]] RingRead read_latest(void* out, std::uint64_t& sequence,
                                      std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
     std::uint64_t words[kWords];
-    const RingRead result = latest(words, kWords, sequence, stamp_ns);
+    const RingRead result = latest(FirstWords{words, kWords}, sequence, stamp_ns);
     if (result == RingRead::kFresh) std::memcpy(out, words, sizeof words);
     return result;
   }
@@ -141,7 +141,7 @@ class RingReader {
   [[nodiscard]] RingRead read_next(void* out, std::uint64_t& sequence,
                                    std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
     std::uint64_t words[kWords];
-    const RingRead result = next(words, kWords, sequence, stamp_ns);
+    const RingRead result = next(FirstWords{words, kWords}, sequence, stamp_ns);
     if (result == RingRead::kFresh) std::memcpy(out, words, sizeof words);
     return result;
   }
@@ -149,11 +149,35 @@ class RingReader {
   /// The same for a size known only at run time. `words` holds view.words and is scribbled on unless kFresh.
   [[nodiscard]] RingRead read_latest(std::uint64_t* words, std::uint64_t& sequence,
                                      std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
-    return latest(words, view_.words, sequence, stamp_ns);
+    return latest(FirstWords{words, view_.words}, sequence, stamp_ns);
   }
   [[nodiscard]] RingRead read_next(std::uint64_t* words, std::uint64_t& sequence,
                                    std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
-    return next(words, view_.words, sequence, stamp_ns);
+    return next(FirstWords{words, view_.words}, sequence, stamp_ns);
+  }
+
+  /// Copies of the newest sample its first `head_words` and, of each column, the rows that the head counts: any part of
+  /// a sample that was read between R2 and R4 is whole. `out` has room for a sample, is scribbled on unless kFresh, and
+  /// keeps what it had in the rows left out.
+  template <class Columns>
+  [[nodiscard]] RingRead read_latest_rows(std::byte* out, std::size_t head_words, const Columns& columns,
+                                          std::uint64_t& sequence, std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
+    const auto copy_words = [out](const SharedU64* payload, std::size_t first, std::size_t count) noexcept {
+      for (std::size_t i = first; i < first + count; ++i) {
+        const std::uint64_t word = payload[i].load(std::memory_order_acquire);
+        std::memcpy(out + 8 * i, &word, 8);
+      }
+    };
+    const auto head_and_rows = [&](const SharedU64* payload) noexcept {
+      copy_words(payload, 0, head_words);
+      for (const auto& column : columns) {
+        std::uint32_t count;
+        std::memcpy(&count, out + column.count_offset, sizeof count);
+        const std::size_t rows = count < column.rows ? count : column.rows;
+        copy_words(payload, column.offset / 8, (rows * column.row_bytes + 7) / 8);
+      }
+    };
+    return latest(head_and_rows, sequence, stamp_ns);
   }
 
   [[nodiscard]] std::uint64_t missed() const noexcept RTBUS_NONBLOCKING { return missed_; }
@@ -161,29 +185,41 @@ class RingReader {
   [[nodiscard]] std::uint64_t last_sequence() const noexcept RTBUS_NONBLOCKING { return next_ - 1; }
 
  private:
-  /// R2…R4. False when the slot holds another sample, or began to while it was copied.
-  [[gnu::always_inline]] bool copy(std::uint64_t n, std::uint64_t* words, std::size_t count,
+  /// R3 of so many words; always inlined, so that a number known when this is compiled stays one.
+  struct FirstWords {
+    std::uint64_t* out;
+    std::size_t count;
+    [[gnu::always_inline]] void operator()(const SharedU64* payload) const noexcept {
+      for (std::size_t i = 0; i < count; ++i) out[i] = payload[i].load(std::memory_order_acquire);
+    }
+  };
+
+  /// R2…R4; `take` is R3 of the payload. False when the slot holds another sample, or began to while it was copied.
+  template <class Take>
+  [[gnu::always_inline]] bool copy(std::uint64_t n, const Take& take,
                                    std::uint64_t& stamp_ns) const noexcept RTBUS_NONBLOCKING {
     const SharedU64* const slot = view_.slot(n);
     if (slot[0].load(std::memory_order_acquire) != 2 * n) return false;  // R2
     stamp_ns = slot[1].load(std::memory_order_acquire);                  // R3
-    for (std::size_t i = 0; i < count; ++i) words[i] = slot[2 + i].load(std::memory_order_acquire);
+    take(slot + 2);
     return slot[0].load(std::memory_order_relaxed) == 2 * n;  // R4; kept behind R3 by R3's acquire
   }
 
-  [[gnu::always_inline]] RingRead latest(std::uint64_t* words, std::size_t count, std::uint64_t& sequence,
+  template <class Take>
+  [[gnu::always_inline]] RingRead latest(const Take& take, std::uint64_t& sequence,
                                          std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
     for (int attempt = 0; attempt < kMaxTries; ++attempt) {
       const std::uint64_t n = view_.newest->load(std::memory_order_acquire);  // R1
       if (n <= last_) return RingRead::kSame;  // also a counter that jumped back: never follow it
       if (n > kMaxSequence) return RingRead::kLapped;
       std::uint64_t stamp;
-      if (copy(n, words, count, stamp)) return accept(n, stamp, sequence, stamp_ns);
+      if (copy(n, take, stamp)) return accept(n, stamp, sequence, stamp_ns);
     }
     return RingRead::kLapped;
   }
 
-  [[gnu::always_inline]] RingRead next(std::uint64_t* words, std::size_t count, std::uint64_t& sequence,
+  template <class Take>
+  [[gnu::always_inline]] RingRead next(const Take& take, std::uint64_t& sequence,
                                        std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
     // The jump is taken over only with a good copy: a counter or a slot that is damaged for a while costs nothing.
     std::uint64_t wanted = next_;
@@ -193,7 +229,7 @@ class RingReader {
       if (newest > kMaxSequence) return RingRead::kLapped;
       if (newest - wanted >= view_.capacity) wanted = oldest_safe(newest);
       std::uint64_t stamp;
-      if (copy(wanted, words, count, stamp)) {
+      if (copy(wanted, take, stamp)) {
         missed_ += wanted - next_;
         return accept(wanted, stamp, sequence, stamp_ns);
       }

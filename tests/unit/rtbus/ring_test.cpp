@@ -7,6 +7,31 @@
 namespace rtbus {
 namespace {
 
+/// Two tables, one of whose columns ends in the middle of a word for an odd number of rows.
+struct Tables {
+  std::uint64_t number = 0;
+  std::uint32_t points = 0, names = 0;
+  std::array<double, 12> point_m{};  ///< Four rows of three.
+  std::array<std::uint32_t, 4> colour{};
+  std::array<std::uint64_t, 5> name{};
+};
+
+}  // namespace
+
+template <>
+struct SampleTraits<Tables> {
+  static constexpr std::string_view kName = "test/Tables";
+  using T = Tables;
+  static constexpr std::array kFields{RTBUS_FIELD(T, number, "1"), RTBUS_FIELD(T, points, "1"),
+                                      RTBUS_FIELD(T, names, "1"),  RTBUS_FIELD(T, point_m, "m"),
+                                      RTBUS_FIELD(T, colour, "1"), RTBUS_FIELD(T, name, "1")};
+  static constexpr std::array kTables{RTBUS_TABLE(T, points, point_m, colour, 4), RTBUS_TABLE(T, names, name, name, 5)};
+};
+
+namespace {
+
+static_assert(TabularSample<Tables>);
+
 using test::Probe;
 using test::ScratchSession;
 
@@ -175,6 +200,54 @@ TEST(Reader, SizeKnownAtRunTimeReadsTheSame) {
     EXPECT_EQ(a[1], b[1]);
     EXPECT_EQ(a[0], n);
   }
+}
+
+/// A sample in which nothing is zero, with so many rows used.
+Tables filled(std::uint32_t points, std::uint32_t names) {
+  Tables out{.number = 9, .points = points, .names = names};
+  out.point_m.fill(1.5);
+  out.colour.fill(7);
+  out.name.fill(11);
+  return out;
+}
+
+TEST(Reader, RowsThatAreNotCountedKeepWhatTheyHad) {
+  ScratchSession session;
+  auto writer = Writer<Tables>::create(session, "x");
+  auto reader = Reader<Tables>::open(session, "x");
+  ASSERT_TRUE(reader);
+  Stamped<Tables> got;
+  writer->publish(filled(3, 0), 5);
+  ASSERT_EQ(reader->read_latest_rows(got), ReadStatus::kFresh);
+  EXPECT_EQ(got.sequence, 1u);
+  EXPECT_EQ(got.stamp_ns, 5u);
+  EXPECT_EQ(got.value.number, 9u);
+  EXPECT_EQ(got.value.points, 3u);
+  for (std::size_t i = 0; i < 12; ++i) EXPECT_EQ(got.value.point_m[i], i < 9 ? 1.5 : 0.0) << i;
+  EXPECT_EQ(got.value.colour, (std::array<std::uint32_t, 4>{7, 7, 7, 7})) << "whole words: the fourth comes along";
+  EXPECT_EQ(got.value.name, (std::array<std::uint64_t, 5>{}));
+  EXPECT_EQ(reader->read_latest_rows(got), ReadStatus::kSame);
+  writer->publish(filled(0, 2), 6);
+  ASSERT_EQ(reader->read_latest_rows(got), ReadStatus::kFresh);
+  EXPECT_EQ(got.value.point_m[8], 1.5) << "from the sample before";
+  EXPECT_EQ(got.value.name, (std::array<std::uint64_t, 5>{11, 11, 0, 0, 0}));
+}
+
+TEST(Reader, CountsThatMakeNoSenseDoNotLeadOutOfTheTable) {
+  ScratchSession session;
+  auto writer = Writer<Tables>::create(session, "x");
+  auto reader = Reader<Tables>::open(session, "x");
+  ASSERT_TRUE(reader);
+  struct {
+    Stamped<Tables> got;
+    std::array<std::uint64_t, 64> behind{};
+  } room;
+  writer->publish(filled(0xffffffff, 6), 5);
+  ASSERT_EQ(reader->read_latest_rows(room.got), ReadStatus::kFresh);
+  EXPECT_EQ(room.got.value.points, 0xffffffff) << "as published: whoever uses it must bound it";
+  EXPECT_EQ(room.got.value.point_m, filled(4, 5).point_m);
+  EXPECT_EQ(room.got.value.name, filled(4, 5).name);
+  EXPECT_EQ(room.behind, (std::array<std::uint64_t, 64>{}));
 }
 
 }  // namespace

@@ -1,0 +1,58 @@
+#pragma once
+/// @file impulse_history.hpp
+/// What the proxy has given to one body over the last while. Frame W, SI units. Fixed size, no allocation.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include <Eigen/Core>
+
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// On a body, and about its centre.
+struct Impulse {
+  Eigen::Vector3d linear_n_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
+
+  Impulse& operator+=(const Impulse& other) noexcept {
+    linear_n_s += other.linear_n_s;
+    angular_n_m_s += other.angular_n_m_s;
+    return *this;
+  }
+  [[nodiscard]] Impulse operator-(const Impulse& other) const noexcept {
+    return {linear_n_s - other.linear_n_s, angular_n_m_s - other.angular_n_m_s};
+  }
+  [[nodiscard]] bool operator==(const Impulse& other) const noexcept {
+    return linear_n_s == other.linear_n_s && angular_n_m_s == other.angular_n_m_s;
+  }
+};
+
+/// A ring of the steps in which something was given; in between the sum stands still. One thread. @realtime everything.
+class ImpulseHistory {
+ public:
+  static constexpr std::size_t kRecords = 128;
+
+  void forget() noexcept RTBUS_NONBLOCKING { count_ = 0; }
+  /// A step from `begin_ns` to `end_ns` brought the sum from `before` to `after`. Steps that follow each other share a
+  /// record until that is `apart_ns` long. Later than all before.
+  void add(std::uint64_t begin_ns, std::uint64_t end_ns, std::uint64_t apart_ns, const Impulse& before,
+           const Impulse& after) noexcept RTBUS_NONBLOCKING;
+  /// The last step gave that more, if it ended at `end_ns`.
+  void correct(std::uint64_t end_ns, const Impulse& more) noexcept RTBUS_NONBLOCKING;
+  /// The sum at that time, a step's share taken evenly over it. @param sum What it is now. What is older than the ring
+  /// is taken for its beginning.
+  [[nodiscard]] Impulse at(std::uint64_t time_ns, const Impulse& sum) const noexcept RTBUS_NONBLOCKING;
+
+ private:
+  struct Record {
+    std::uint64_t begin_ns = 0;
+    Impulse before, after;
+  };
+  std::array<std::uint64_t, kRecords> end_ns_{};
+  std::array<Record, kRecords> records_{};
+  std::uint64_t count_ = 0;  ///< The last is count_ − 1, modulo the ring.
+};
+
+}  // namespace haptic

@@ -1,0 +1,78 @@
+#include "haptic_node/rendering/impulse_history.hpp"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using haptic::Impulse;
+using haptic::ImpulseHistory;
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+Impulse along_x(double n_s) { return {{n_s, 0, 0}, {0, 0, 2 * n_s}}; }
+
+/// Steps of 1 ms, each giving 1 mN s, from `first` ms to `last` ms.
+double push(ImpulseHistory& history, double before_n_s, std::uint64_t first, std::uint64_t last,
+            std::uint64_t apart_ns = 0) {
+  for (std::uint64_t ms = first; ms < last; ++ms) {
+    history.add(ms * kMs, (ms + 1) * kMs, apart_ns, along_x(before_n_s), along_x(before_n_s + 1e-3));
+    before_n_s += 1e-3;
+  }
+  return before_n_s;
+}
+
+TEST(ImpulseHistory, IsTheSumWhereNothingWasGiven) {
+  const ImpulseHistory history;
+  EXPECT_EQ(history.at(5 * kMs, along_x(0.0)).linear_n_s.x(), 0.0);
+}
+
+TEST(ImpulseHistory, GivesAStepsShareEvenlyAndStandsStillInBetween) {
+  ImpulseHistory history;
+  double sum = push(history, 0.0, 10, 20);
+  sum = push(history, sum, 50, 60);
+  const auto at = [&](double ms) { return history.at(static_cast<std::uint64_t>(ms * 1e6), along_x(sum)); };
+  EXPECT_EQ(at(3).linear_n_s.x(), 0.0);
+  EXPECT_EQ(at(10).linear_n_s.x(), 0.0);
+  EXPECT_NEAR(at(12.5).linear_n_s.x(), 2.5e-3, 1e-15);
+  EXPECT_NEAR(at(12.5).angular_n_m_s.z(), 5e-3, 1e-15);
+  EXPECT_NEAR(at(20).linear_n_s.x(), 10e-3, 1e-15);
+  EXPECT_NEAR(at(35).linear_n_s.x(), 10e-3, 1e-15) << "not a part of what came later";
+  EXPECT_NEAR(at(50.25).linear_n_s.x(), 10.25e-3, 1e-15);
+  EXPECT_NEAR(at(60).linear_n_s.x(), 20e-3, 1e-15);
+  EXPECT_NEAR(at(90).linear_n_s.x(), 20e-3, 1e-15);
+}
+
+TEST(ImpulseHistory, PutsTheLastStepRight) {
+  ImpulseHistory history;
+  const double sum = push(history, 0.0, 0, 2);
+  history.correct(2 * kMs, along_x(-0.5e-3));
+  history.correct(1 * kMs, along_x(7.0));  // not the last step: it gave nothing
+  EXPECT_NEAR(history.at(1'500'000, along_x(sum - 0.5e-3)).linear_n_s.x(), 1.25e-3, 1e-15);
+}
+
+TEST(ImpulseHistory, SharesARecordBetweenStepsThatAreNear) {
+  ImpulseHistory history;
+  // A thousand steps fit only because ten share a record.
+  const double sum = push(history, 0.0, 0, 1000, 10 * kMs);
+  for (const std::uint64_t ms : {1ul, 155ul, 500ul, 999ul}) {
+    EXPECT_NEAR(history.at(ms * kMs, along_x(sum)).linear_n_s.x(), 1e-3 * static_cast<double>(ms), 1e-12);
+  }
+}
+
+TEST(ImpulseHistory, DoesNotShareARecordOverAGap) {
+  ImpulseHistory history;
+  double sum = push(history, 0.0, 0, 1, 100 * kMs);
+  sum = push(history, sum, 30, 31, 100 * kMs);
+  EXPECT_NEAR(history.at(20 * kMs, along_x(sum)).linear_n_s.x(), 1e-3, 1e-15);
+}
+
+TEST(ImpulseHistory, KeepsTheNewestAndTakesItsBeginningForWhatIsOlder) {
+  ImpulseHistory history;
+  const double sum = push(history, 0.0, 0, 200);
+  EXPECT_NEAR(history.at(150 * kMs, along_x(sum)).linear_n_s.x(), 0.150, 1e-12);
+  EXPECT_NEAR(history.at(10 * kMs, along_x(sum)).linear_n_s.x(), 0.072, 1e-12);
+  history.forget();
+  EXPECT_EQ(history.at(10 * kMs, along_x(0.0)).linear_n_s.x(), 0.0);
+}
+
+}  // namespace
