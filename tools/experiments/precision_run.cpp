@@ -58,6 +58,7 @@ PrecisionTrace run_precisely(const PrecisionScene& scene, const PrecisionCell& c
   });
   const HarnessCost& cost = harness.cost();
   trace.cycle_ns = static_cast<double>(cost.cycle_ns.percentile(0.5));
+  trace.cycle_p99_ns = static_cast<double>(cost.cycle_ns.percentile(0.99));
   trace.step_ms = cost.steps > 0 ? 1e3 * cost.steps_s / static_cast<double>(cost.steps) : 0.0;
   trace.cpu_s_per_s =
       (cost.steps_s + 1e-9 * trace.cycle_ns * static_cast<double>(cost.cycle_ns.count())) / scene.until_s;

@@ -28,6 +28,7 @@ struct PrecisionTrace {
   double wanted_peak_n = 0.0;      ///< Of the law, before the ladder.
   double limit_n = 0.0;            ///< Of the device.
   double cycle_ns = 0.0;           ///< Median of a haptic cycle, without the simulated device.
+  double cycle_p99_ns = 0.0;       ///< Its 99th percentile.
   double step_ms = 0.0;            ///< Mean CPU time per result of physics.
   double cpu_s_per_s = 0.0;        ///< CPU time of cycles and steps per simulated second.
   double heap_kib = 0.0;           ///< That the two nodes' cores keep.
