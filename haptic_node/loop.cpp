@@ -22,11 +22,6 @@ constexpr double kFarApartTicks = 8.0;
 /// Below this, at the device, the proxy touches nothing.
 constexpr double kNoTouch_n = 1e-3;
 
-// One writer: a relaxed load and store is enough, and cheaper than an atomic addition.
-void bump(std::atomic<std::uint64_t>& counter, std::uint64_t by = 1) noexcept {
-  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
-}
-
 std::unique_ptr<Renderer> make_renderer(const HapticConfig& config, const Mapping& mapping) {
   const RendererContext context{config.stiffness_n_per_m, config.damping_n_s_per_m, mapping, config.shapes,
                                 config.wire.paper,        config.proxy_mass_kg};
@@ -173,31 +168,6 @@ void Loop::describe_hand(const drivers::DeviceSample& sample, const Eigen::Vecto
   state_.enabled = enabled ? 1 : 0;
 }
 
-void Loop::count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexcept {
-  const auto bump_if = [&](std::uint32_t bits, std::atomic<std::uint64_t>& counter) {
-    if ((safe.acted & bits) != 0) bump(counter);
-  };
-  bump(counters_.ticks);
-  bump_if(kClamped, counters_.clamped);
-  bump_if(kSlewLimited, counters_.slew_limited);
-  bump_if(kStale, counters_.stale_ticks);
-  bump_if(kNonfinite, counters_.nonfinite);
-  bump_if(kOverspeed, counters_.overspeed);
-  bump_if(kThermalLimited, counters_.thermal_limited);
-  bump_if(kPassivity, counters_.passivity_ticks);
-  bump_if(kDeviceLost, counters_.device_lost);
-  counters_.losses.store(monitor_.losses(), std::memory_order_relaxed);
-  counters_.last_loss_ns.store(monitor_.last_loss_ns(), std::memory_order_relaxed);
-  const double square = force_n.squaredNorm();
-  counters_.force_square_sum_n2.store(counters_.force_square_sum_n2.load(std::memory_order_relaxed) + square,
-                                      std::memory_order_relaxed);
-  if (const double norm = std::sqrt(square); norm > counters_.force_peak_n.load(std::memory_order_relaxed)) {
-    counters_.force_peak_n.store(norm, std::memory_order_relaxed);
-  }
-  counters_.energy_absorbed_j.store(safety_.passivity().absorbed_j(), std::memory_order_relaxed);
-  counters_.energy_removed_j.store(safety_.passivity().dissipated_j(), std::memory_order_relaxed);
-}
-
 bool Loop::read_device(std::uint64_t now_ns) noexcept {
   // The device keeps its own last sample: a stale one is repeated. A device that is lost, that says something which is
   // not a number, or that did not take the last force, gets none.
@@ -304,7 +274,7 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
     }
   }
   if (packet_is_due()) link_.send(state_, now_ns);
-  count(safe, safe.force_n);
+  counters_.count(safe, safety_.passivity(), monitor_);
 
   const std::uint64_t proxy_age_ns = proxy_.valid ? now_ns - proxy_.device_time_ns : 0;  // never later than now
   if (proxy_.valid) counters_.proxy_age_ns.record(proxy_age_ns);
@@ -358,42 +328,8 @@ void Loop::count_schedule(std::uint64_t due, std::uint64_t overruns) noexcept {
 }
 
 rtbus::LoopStats Loop::stats() const {
-  const auto load = [](const auto& counter) { return counter.load(std::memory_order_relaxed); };
-  const auto us = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-3; };
-  const auto ms = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-6; };
-  rtbus::LoopStats out;
+  rtbus::LoopStats out = counters_.stats();
   out.rate_hz = config_.rate_hz;
-  out.wakeup_p50_us = us(counters_.wakeup_ns.percentile(0.50));
-  out.wakeup_p99_us = us(counters_.wakeup_ns.percentile(0.99));
-  out.wakeup_p999_us = us(counters_.wakeup_ns.percentile(0.999));
-  out.wakeup_max_us = us(counters_.wakeup_ns.max());
-  out.compute_p50_us = us(counters_.compute_ns.percentile(0.50));
-  out.compute_p99_us = us(counters_.compute_ns.percentile(0.99));
-  out.compute_max_us = us(counters_.compute_ns.max());
-  out.device_p50_us = us(counters_.device_ns.percentile(0.50));
-  out.device_p99_us = us(counters_.device_ns.percentile(0.99));
-  out.device_max_us = us(counters_.device_ns.max());
-  out.proxy_age_p50_ms = ms(counters_.proxy_age_ns.percentile(0.50));
-  out.proxy_age_p99_ms = ms(counters_.proxy_age_ns.percentile(0.99));
-  out.proxy_age_max_ms = ms(counters_.proxy_age_ns.max());
-  out.ticks_due = load(counters_.ticks_due);
-  out.ticks = load(counters_.ticks);
-  out.overruns = load(counters_.overruns);
-  out.force_rms_n =
-      out.ticks > 0 ? std::sqrt(load(counters_.force_square_sum_n2) / static_cast<double>(out.ticks)) : 0.0;
-  out.force_peak_n = load(counters_.force_peak_n);
-  out.energy_absorbed_j = load(counters_.energy_absorbed_j);
-  out.energy_removed_j = load(counters_.energy_removed_j);
-  out.clamped = load(counters_.clamped);
-  out.slew_limited = load(counters_.slew_limited);
-  out.stale_ticks = load(counters_.stale_ticks);
-  out.nonfinite = load(counters_.nonfinite);
-  out.overspeed = load(counters_.overspeed);
-  out.thermal_limited = load(counters_.thermal_limited);
-  out.passivity_ticks = load(counters_.passivity_ticks);
-  out.device_lost = load(counters_.device_lost);
-  out.losses = load(counters_.losses);
-  out.last_loss_ns = load(counters_.last_loss_ns);
   return out;
 }
 

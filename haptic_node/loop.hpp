@@ -2,19 +2,18 @@
 /// @file loop.hpp
 /// One cycle of the haptic loop: read the device, ask the force law, climb the safety ladder, write the force, tell
 /// physics. The realtime thread of the node and the simulated clock of the in-process harness run the same code.
-#include <atomic>
 #include <cstdint>
 #include <memory>
 
 #include "drivers/device.hpp"
 #include "haptic_node/link_monitor.hpp"
+#include "haptic_node/loop_counters.hpp"
 #include "haptic_node/mapping.hpp"
 #include "haptic_node/node_config.hpp"
 #include "haptic_node/rendering/renderer.hpp"
 #include "haptic_node/safety.hpp"
 #include "haptic_node/velocity.hpp"
 #include "rtbus/contact_messages.hpp"
-#include "rtbus/histogram.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/sample.hpp"
@@ -37,15 +36,6 @@ class PhysicsLink {
   }
   /// The newest sign of life; true when it is newer than the last one received.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING = 0;
-};
-
-/// Counters of the loop. Written by the loop alone, readable by any thread at any time.
-struct LoopCounters {
-  std::atomic<std::uint64_t> ticks{0}, ticks_due{0}, overruns{0};
-  std::atomic<std::uint64_t> clamped{0}, slew_limited{0}, stale_ticks{0}, nonfinite{0}, overspeed{0},
-      thermal_limited{0}, passivity_ticks{0}, device_lost{0}, losses{0}, last_loss_ns{0};
-  std::atomic<double> force_square_sum_n2{0.0}, force_peak_n{0.0}, energy_absorbed_j{0.0}, energy_removed_j{0.0};
-  rtbus::Histogram wakeup_ns, compute_ns, device_ns, proxy_age_ns;
 };
 
 /// What happened in a cycle that somebody should be told once, not every tick.
@@ -95,7 +85,6 @@ class Loop {
   void follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept RTBUS_NONBLOCKING;
   void describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m,
                      bool enabled) noexcept RTBUS_NONBLOCKING;
-  void count(const SafetyOutput& safe, const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING;
   void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool packet_is_due() noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool contacts_are_new(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
