@@ -16,9 +16,6 @@ rtbus::Quat to_array(const Eigen::Quaterniond& q) noexcept { return {q.w(), q.x(
 
 bool pressed(std::uint32_t buttons, int button) noexcept { return button >= 0 && ((buttons >> button) & 1u) != 0; }
 
-/// An answer is worked on a tick after it was fetched, where answers are at least so many ticks apart.
-constexpr double kFarApartTicks = 8.0;
-
 /// Below this, at the device, the proxy touches nothing.
 constexpr double kNoTouch_n = 1e-3;
 
@@ -120,15 +117,9 @@ void Loop::take_news(std::uint64_t now_ns) noexcept {
 }
 
 bool Loop::contacts_are_new(std::uint64_t now_ns) noexcept {
-  if (!owns_proxy_) return false;
-  const rtbus::ProxyContacts& news = contact_news_.value;
-  if (!std::exchange(contacts_wait_, false)) {
-    if (!link_.receive(contact_news_)) return false;
-    // To fetch an answer from the other core's cache is work enough for one tick, unless the next answer is near.
-    contacts_wait_ = news.step_s >= kFarApartTicks * dt_s_;
-    if (contacts_wait_) return false;
-  }
+  if (!owns_proxy_ || !link_.receive(contact_news_)) return false;
   // As with the proxy: void when it answers something else than the hand since forces were enabled.
+  const rtbus::ProxyContacts& news = contact_news_.value;
   return news.device_sequence != 0 && news.mapping_epoch == mapping_.epoch() && news.device_time_ns >= enabled_ns_ &&
          news.device_time_ns <= now_ns;
 }

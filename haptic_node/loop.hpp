@@ -109,7 +109,6 @@ class Loop {
   rtbus::Stamped<rtbus::ProxyState> proxy_news_;
   rtbus::Stamped<rtbus::Heartbeat> beat_news_;
   rtbus::Stamped<rtbus::ProxyContacts> contact_news_;
-  bool contacts_wait_ = false;  ///< For the next tick.
   drivers::DeviceSample sample_;
   bool device_ok_ = false;
   bool device_seen_ = false;        ///< It has answered once.

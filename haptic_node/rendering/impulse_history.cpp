@@ -9,7 +9,7 @@ void ImpulseHistory::add(std::uint64_t begin_ns, std::uint64_t end_ns, std::uint
   if (count_ > 0) {
     const std::size_t last = (count_ - 1) % kRecords;
     const bool follows = begin_ns < end_ns_[last] + (end_ns - begin_ns);
-    if (follows && end_ns <= records_[last].begin_ns + apart_ns) {
+    if (end_ns_[last] == end_ns || (follows && end_ns <= records_[last].begin_ns + apart_ns)) {
       end_ns_[last] = end_ns;
       records_[last].after = after;
       return;

@@ -24,9 +24,6 @@ struct Impulse {
   [[nodiscard]] Impulse operator-(const Impulse& other) const noexcept {
     return {linear_n_s - other.linear_n_s, angular_n_m_s - other.angular_n_m_s};
   }
-  [[nodiscard]] bool operator==(const Impulse& other) const noexcept {
-    return linear_n_s == other.linear_n_s && angular_n_m_s == other.angular_n_m_s;
-  }
 };
 
 /// A ring of the steps in which something was given; in between the sum stands still. One thread. @realtime everything.
@@ -35,8 +32,8 @@ class ImpulseHistory {
   static constexpr std::size_t kRecords = 128;
 
   void forget() noexcept RTBUS_NONBLOCKING { count_ = 0; }
-  /// A step from `begin_ns` to `end_ns` brought the sum from `before` to `after`. Steps that follow each other share a
-  /// record until that is `apart_ns` long. Later than all before.
+  /// A step from `begin_ns` to `end_ns` brought the sum from `before` to `after`. What comes of the same step again, and
+  /// steps that follow each other until they are `apart_ns` long together, share a record. Not earlier than any before.
   void add(std::uint64_t begin_ns, std::uint64_t end_ns, std::uint64_t apart_ns, const Impulse& before,
            const Impulse& after) noexcept RTBUS_NONBLOCKING;
   /// The last step gave that more, if it ended at `end_ns`.

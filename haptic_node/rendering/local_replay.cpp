@@ -32,8 +32,6 @@ void LocalWorld::replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t n
   Body& body = bodies_[slot];
   const ImpulseHistory& history = given_[slot];
   Impulse before = history.at(from_ns, body.given);
-  const bool rested = body.motion.velocity_m_s.isZero(0.0) && body.motion.angular_velocity_rad_s.isZero(0.0);
-  if (rested && before == body.given) parts = 1;
   const double h = rtbus::seconds_between(from_ns, now_ns) / parts;
   const double tick_s = std::min(h, tick_s_);
   std::array<std::size_t, kSupports> source;
@@ -53,10 +51,10 @@ void LocalWorld::replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t n
   for (int part = 1; part <= parts; ++part) {
     const std::uint64_t until_ns = from_ns + (now_ns - from_ns) * static_cast<std::uint64_t>(part) / parts;
     const Impulse after = history.at(until_ns, body.given);
-    const Impulse given = after - before;
     SolverBody next = body.motion;
-    next.velocity_m_s += next.inverse_mass_per_kg * (h * body.force_n + given.linear_n_s);
-    next.angular_velocity_rad_s += next.inverse_inertia_per_kg_m2 * (h * body.torque_n_m + given.angular_n_m_s);
+    next.velocity_m_s += next.inverse_mass_per_kg * (h * body.force_n + after.linear_n_s - before.linear_n_s);
+    next.angular_velocity_rad_s +=
+        next.inverse_inertia_per_kg_m2 * (h * body.torque_n_m + after.angular_n_m_s - before.angular_n_m_s);
     if (rows > 0) relax_contacts(&next, rows_.data(), rows, kSweeps);
     // Impulses came evenly over the part, each at the beginning of its tick.
     const Vector3d faster_m_s = next.velocity_m_s - body.motion.velocity_m_s;

@@ -50,6 +50,13 @@ TEST(ImpulseHistory, PutsTheLastStepRight) {
   EXPECT_NEAR(history.at(1'500'000, along_x(sum - 0.5e-3)).linear_n_s.x(), 1.25e-3, 1e-15);
 }
 
+TEST(ImpulseHistory, TakesTheContactsOfAStepTogether) {
+  ImpulseHistory history;
+  history.add(0, kMs, 0, along_x(0.0), along_x(1e-3));
+  history.add(0, kMs, 0, along_x(1e-3), along_x(4e-3));
+  EXPECT_NEAR(history.at(kMs / 2, along_x(4e-3)).linear_n_s.x(), 2e-3, 1e-15);
+}
+
 TEST(ImpulseHistory, SharesARecordBetweenStepsThatAreNear) {
   ImpulseHistory history;
   // A thousand steps fit only because ten share a record.

@@ -9,13 +9,35 @@
 
 #include "haptic_node/loop.hpp"
 #include "rtbus/config/session.hpp"
-#include "tests/unit/haptic/resting_device.hpp"
 
 namespace {
 
-using haptic::test::RestingDevice;
-
 constexpr std::uint64_t kPeriod_ns = 1'000'000;
+
+class RestingDevice final : public drivers::Device {
+ public:
+  explicit RestingDevice(const drivers::DeviceInfo& info) : info_(info) {}
+  [[nodiscard]] const drivers::DeviceInfo& info() const noexcept override { return info_; }
+  [[nodiscard]] rtbus::Result<void, drivers::DeviceFault> start(std::uint64_t) override { return {}; }
+  [[nodiscard]] drivers::IoStatus read(std::uint64_t now_ns,
+                                       drivers::DeviceSample& out) noexcept RTBUS_NONBLOCKING override {
+    out = {};
+    out.time_ns = now_ns;
+    return drivers::IoStatus::kOk;
+  }
+  [[nodiscard]] drivers::IoStatus write(std::uint64_t,
+                                        const drivers::ForceCommand& command) noexcept RTBUS_NONBLOCKING override {
+    force_n = command.force_n;
+    return drivers::IoStatus::kOk;
+  }
+  [[nodiscard]] std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING override { return 0; }
+  void stop() noexcept override {}
+
+  std::array<double, 3> force_n{};
+
+ private:
+  drivers::DeviceInfo info_;
+};
 
 /// Answers the last sample in every cycle with the proxy that the test wants.
 class TalkingPhysics final : public haptic::PhysicsLink {
