@@ -13,7 +13,8 @@ inline constexpr std::size_t kContactSlots = 16;
 inline constexpr std::size_t kSupportSlots = 32;
 
 /// `physics.contacts.<haptic>`, with every ProxyState while a force law asks for it (DeviceState::wants) or the session
-/// says `physics.contacts: on`. Rows beyond the counts are zero.
+/// says `physics.contacts: on`. Rows beyond the counts are
+/// zero as published; Reader::read_latest_rows() leaves them as they were.
 struct ProxyContacts {
   std::uint64_t device_sequence = 0;  ///< The DeviceState this answers, as in the ProxyState of the same step.
   std::uint64_t device_time_ns = 0;   ///< Its sample_time_ns.
