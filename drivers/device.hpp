@@ -1,7 +1,6 @@
 #pragma once
 /// @file device.hpp
-/// What the haptic loop asks of any device. Write a driver against this page; docs/writing-a-driver.md walks through
-/// one.
+/// The interface of every device. docs/writing-a-driver.md explains how to write a driver.
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -24,7 +23,7 @@ struct DeviceInfo {
   int dof_sensed = 3;                         ///< 3: position; 6: position and orientation.
   int dof_actuated = 3;                       ///< 3: force.
   double max_force_n = 0.0;                   ///< Peak, norm, at the tip [N].
-  double continuous_force_n = 0.0;            ///< What the motors stand for ever [N].
+  double continuous_force_n = 0.0;            ///< Force that the motors bear without time limit [N].
   double thermal_time_constant_s = 12.0;      ///< Of the motor windings [s].
   double max_slew_n_per_ms = 3.0;             ///< Growth of the force norm that is safe to feel [N/ms].
   double max_stiffness_n_per_m = 0.0;         ///< Stiffest wall the maker or a measurement allows [N/m].
@@ -36,8 +35,9 @@ struct DeviceInfo {
   Vec3 workspace_min_m{-0.08, -0.06, -0.06};  ///< Frame D [m].
   Vec3 workspace_max_m{0.08, 0.06, 0.06};     ///< Frame D [m].
   double force_timeout_s = 0.020;             ///< With no write for so long the device itself goes to zero [s].
-  bool simulated = false;                     ///< Mechanics and hand are computed: nobody can be hurt.
+  bool simulated = false;                     ///< Mechanics and hand are simulated: nobody can be hurt.
   bool can_pace_loop = false;                 ///< wait_sample() works: `clock: device` is possible.
+  bool measures_velocity = false;             ///< DeviceSample::velocity_m_s is the device's own.
   double sample_rate_hz = 0.0;  ///< At which it then paces the loop [Hz]; the loop's rate_hz must be the same.
 };
 
@@ -47,6 +47,8 @@ struct DeviceSample {
   Quat orientation_wxyz{1, 0, 0, 0};  ///< q_DT.
   std::uint32_t buttons = 0;          ///< Bit i: button i pressed.
   std::uint64_t time_ns = 0;          ///< When it was measured, CLOCK_MONOTONIC.
+  Vec3 velocity_m_s{};                ///< v_DT as the device gives it, with DeviceInfo::measures_velocity [m/s].
+  double gripper_m = 0.0;             ///< Opening between the fingers of a gripper [m]; 0: closed, or it has none.
 };
 
 /// Force on the hand at T, in D.
@@ -82,8 +84,8 @@ class Device {
   /// `now_ns`. @realtime No; may take seconds.
   [[nodiscard]] virtual rtbus::Result<void, DeviceFault> start(std::uint64_t now_ns) = 0;
 
-  /// Ends a start() that another thread is in, which then fails soon. Without one it does nothing: whoever cannot tell
-  /// calls it again until start() has returned. @realtime No.
+  /// Ends a start() that runs in another thread; it then fails soon. Without a running start() it does nothing; call it
+  /// again until start() has returned. @realtime No.
   virtual void cancel_start() noexcept {}
 
   /// `clock: device` only: blocks until a sample newer than the last read is there, at most until `deadline_ns`. May
@@ -104,17 +106,17 @@ class Device {
   [[nodiscard]] virtual IoStatus write(std::uint64_t now_ns,
                                        const ForceCommand& command) noexcept RTBUS_NONBLOCKING = 0;
 
-  /// How the link to the device does; none: it has no link that could fail. Any thread. @realtime No.
+  /// Statistics of the link to the device; none: it has no link that could fail. Any thread. @realtime No.
   [[nodiscard]] virtual std::optional<rtbus::LinkStats> link_stats() const { return std::nullopt; }
 
   /// Commands that write() had to clamp or refuse since start [count]. @realtime Yes.
   [[nodiscard]] virtual std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING = 0;
 
-  /// What the driver must do now and then outside the loop (re-attach to a restarted plant process); called about every
-  /// 20 ms by the node's housekeeping thread, concurrently with read() and write(). @realtime No.
+  /// Work of the driver outside the loop (re-attach to a restarted plant process). Called about every 20 ms by the
+  /// node's housekeeping thread, concurrently with read() and write(). @realtime No.
   virtual void maintain() noexcept {}
 
-  /// What changed since the last call and should be told the user once, as a sentence; empty: nothing. Called by the
+  /// A message for the user about changes since the last call; empty: none. Called by the
   /// node's main thread about every 50 ms, concurrently with everything else. @realtime No.
   [[nodiscard]] virtual std::string take_notice() { return {}; }
 

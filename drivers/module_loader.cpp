@@ -2,31 +2,31 @@
 
 #include <dlfcn.h>
 
-#include <filesystem>
+#include "drivers/beside_program.hpp"
 
 namespace drivers {
 
 rtbus::Result<const ModuleHead*, std::string> load_module_head(const ModuleFile& module) {
   using rtbus::Failure;
-  // Beside this program, or in ../lib: where the build and an installation put modules.
-  std::error_code failed;
-  const auto folder = std::filesystem::read_symlink("/proc/self/exe", failed).parent_path();
-  const std::filesystem::path places[] = {folder / module.file, (folder / "../lib" / module.file).lexically_normal()};
-  std::filesystem::path file;
-  for (const auto& place : places) {
-    if (file.empty() && std::filesystem::is_regular_file(place, failed)) file = place;
-  }
+  const std::string file = find_beside_program(module.file);
   if (file.empty()) {
-    return Failure{std::string("needs the module ") + module.file + ", which is not in " +
-                   places[0].parent_path().string() + " or " + places[1].parent_path().string() + "; " + module.remedy};
+    const auto folders = program_folders();
+    return Failure{std::string("needs the module ") + module.file + ", which is not in " + folders[0].string() +
+                   " or " + folders[1].string() + "; " + module.remedy};
   }
   void* const library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);  // again: the same handle
   if (library == nullptr) return Failure{std::string("cannot load its module: ") + dlerror()};
   const auto function = reinterpret_cast<const ModuleHead* (*)()>(dlsym(library, module.symbol));
-  if (function == nullptr) return Failure{"finds that " + file.string() + " is no module of ours; build it anew"};
+  if (function == nullptr) {
+    return Failure{"finds that " + file + " is no module of ours: it does not export " + module.symbol +
+                   "; build it again"};
+  }
   const ModuleHead* const head = function();
   if (head->abi_version != module.abi_version || head->info_bytes != sizeof(DeviceInfo)) {
-    return Failure{"finds that " + file.string() + " belongs to another build of this program; build both anew"};
+    return Failure{"finds that " + file + " belongs to another build of this program: it has ABI version " +
+                   std::to_string(head->abi_version) + " with " + std::to_string(head->info_bytes) +
+                   " bytes of DeviceInfo, this program " + std::to_string(module.abi_version) + " with " +
+                   std::to_string(sizeof(DeviceInfo)) + "; build both again, against the same rtbus"};
   }
   return head;
 }

@@ -9,15 +9,10 @@
 #include <string>
 #include <type_traits>
 
-#include "drivers/device.hpp"
+#include "drivers/driver_module.hpp"
 #include "rtbus/result.hpp"
 
 namespace drivers {
-
-struct ModuleHead {
-  std::uint32_t abi_version;                      ///< Of the table behind it, and of what it leads to.
-  std::uint32_t info_bytes = sizeof(DeviceInfo);  ///< As the module saw it: catches a forgotten version.
-};
 
 struct ModuleFile {
   const char* file;           ///< "libdrivers_usb.so"

@@ -1,6 +1,6 @@
 #pragma once
 /// @file held_force.hpp
-/// What acted on the hand, and when: each force from its own write to the next.
+/// The forces that acted on the hand: each from its own write to the next.
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -26,7 +26,7 @@ class HeldForce {
   void write(std::uint64_t time_ns, const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING {
     entries_[written_++ % kEntries] = {time_ns, force_n};
   }
-  /// The last one did not leave after all.
+  /// The last force was not sent.
   void revoke() noexcept RTBUS_NONBLOCKING {
     if (written_ > 0) entries_[(written_ - 1) % kEntries].force_n.setZero();
   }

@@ -1,6 +1,7 @@
 #pragma once
 /// @file link_monitor.hpp
-/// Is physics there? Two signs of life, because a process can be dead, stopped, or alive with a hung engine.
+/// Whether physics lives. Two signs, because a process can be dead, stopped, or alive with a hung engine. Two more:
+/// what it says can be believed, and is about the hand as it is now.
 #include <algorithm>
 #include <cstdint>
 
@@ -14,6 +15,9 @@ struct LinkMonitorConfig {
   double loss_timeout_s = 0.055;  ///< A heartbeat (every 20 ms) older than this: the process is dead or stopped.
   double min_step_age_s = 0.1;    ///< A hung engine: older than max(this, 2.5 × declared period + step time) …
   double max_step_age_s = 10.0;   ///< … or than this, whatever physics declares.
+  /// Answers to samples that are older than max(this, twice the age limit of a step) are none: slow physics, whose
+  /// answers are two periods and a step old, stays far below it, and so does a link of 0.2 s each way.
+  double min_answer_age_s = 0.5;
 };
 
 /// Judges the age of the heartbeat and of the last step. A slow engine with a live heartbeat is not lost.
@@ -30,11 +34,26 @@ class LinkMonitor {
   /// A proxy was published at `stamp_ns`.
   void proxy(std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING { proxy_ns_ = stamp_ns; }
 
+  /// A sample was refused (sane_sample.hpp): somebody writes into the topics of physics, or its numbers are none. What
+  /// was accepted around it may be wrong too, so physics counts as lost until nothing was refused for a while.
+  void refused(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING { refused_ns_ = now_ns; }
+
+  /// How far the hand's sample that the newest answer belongs to lies behind the newest sample; 0: no answer counts
+  /// yet. Measured by the hand, so that a device that repeats its last sample is not taken for a physics that lags.
+  void behind(std::uint64_t behind_ns) noexcept RTBUS_NONBLOCKING { behind_ns_ = behind_ns; }
+
+  /// The newest answer belongs to a hand of too long ago, however recently it was published.
+  [[nodiscard]] bool lags() const noexcept RTBUS_NONBLOCKING { return too_far_behind(behind_ns_); }
+  [[nodiscard]] bool too_far_behind(std::uint64_t behind_ns) const noexcept RTBUS_NONBLOCKING {
+    return static_cast<double>(behind_ns) * 1e-9 > std::max(config_.min_answer_age_s, 2.0 * step_age_limit_s());
+  }
+
   /// Looks at the clock; true while physics is alive. Counts each change from alive to lost.
   [[nodiscard]] bool update(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
-    const bool alive = beat_ns_ != 0 && proxy_ns_ != 0 &&
-                       beat_.state == static_cast<std::uint32_t>(rtbus::NodeState::kRunning) &&
-                       young(beat_ns_, now_ns, config_.loss_timeout_s) && young(proxy_ns_, now_ns, step_age_limit_s());
+    const bool alive =
+        beat_ns_ != 0 && proxy_ns_ != 0 && beat_.state == static_cast<std::uint32_t>(rtbus::NodeState::kRunning) &&
+        !(refused_ns_ != 0 && young(refused_ns_, now_ns, kTrust_s)) &&
+        young(beat_ns_, now_ns, config_.loss_timeout_s) && young(proxy_ns_, now_ns, step_age_limit_s()) && !lags();
     if (alive_ && !alive) {
       ++losses_;
       last_loss_ns_ = now_ns;
@@ -43,7 +62,7 @@ class LinkMonitor {
     return alive;
   }
 
-  [[nodiscard]] double step_age_limit_s() const noexcept {
+  [[nodiscard]] double step_age_limit_s() const noexcept RTBUS_NONBLOCKING {
     return std::clamp(
         2.5 * static_cast<double>(beat_.work_period_ns) * 1e-9 + static_cast<double>(beat_.work_compute_ns) * 1e-9,
         config_.min_step_age_s, config_.max_step_age_s);
@@ -58,12 +77,15 @@ class LinkMonitor {
     const double age_s = rtbus::seconds_between(stamp_ns, now_ns);
     return age_s >= -kMaxFuture_s && age_s <= limit_s;
   }
+  static constexpr double kTrust_s = 0.05;
   static constexpr double kMaxFuture_s = 0.02;  // a loop preempted between the clock and the topic
 
   LinkMonitorConfig config_;
   rtbus::Heartbeat beat_{};
   std::uint64_t beat_ns_ = 0;
   std::uint64_t proxy_ns_ = 0;
+  std::uint64_t refused_ns_ = 0;  ///< 0: never.
+  std::uint64_t behind_ns_ = 0;
   bool alive_ = false;
   std::uint64_t losses_ = 0;
   std::uint64_t last_loss_ns_ = 0;

@@ -1,18 +1,20 @@
 #pragma once
 /// @file loop.hpp
-/// One cycle of the haptic loop: read the device, ask the force law, climb the safety ladder, write the force, tell
-/// physics. The realtime thread of the node and the simulated clock of the in-process harness run the same code.
+/// One cycle of the haptic loop: read the device, compute the force, apply the safety ladder, write the force, publish
+/// the state. The realtime thread of the node and the simulated clock of the in-process harness run the same code.
 #include <cstdint>
 #include <memory>
 
 #include "drivers/device.hpp"
 #include "haptic_node/link_monitor.hpp"
 #include "haptic_node/loop_counters.hpp"
-#include "haptic_node/mapping.hpp"
 #include "haptic_node/node_config.hpp"
-#include "haptic_node/rendering/renderer.hpp"
+#include "haptic_node/order_box.hpp"
+#include "haptic_node/rendering/mapping.hpp"
+#include "haptic_node/rendering/method.hpp"
 #include "haptic_node/safety.hpp"
 #include "haptic_node/velocity.hpp"
+#include "haptic_node/world_work.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/realtime.hpp"
@@ -20,7 +22,7 @@
 
 namespace haptic {
 
-/// The loop's way to physics: the bus in a node, a queue with a chosen latency in the harness. @realtime Yes, all of
+/// The loop's link to physics: the bus in a node, a queue with a chosen latency in the harness. @realtime Yes, all of
 /// it.
 class PhysicsLink {
  public:
@@ -29,25 +31,30 @@ class PhysicsLink {
   virtual void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING = 0;
   /// The newest answer of physics; true when it is newer than the last one received.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING = 0;
-  /// What is around the proxy; likewise. Asked only by a law that needs it. Rows beyond the counts are not to be read;
-  /// without an answer `out` may be scribbled on.
+  /// The contacts around the proxy; likewise. Only for a method that needs them. Rows beyond the counts are not to be
+  /// read; without a new answer the content of `out` is undefined.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyContacts>& /*out*/) noexcept RTBUS_NONBLOCKING {
     return false;
   }
-  /// The newest sign of life; true when it is newer than the last one received.
+  /// The newest heartbeat; true when it is newer than the last one received.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING = 0;
+  /// Samples of physics that were not sane, since the start; receive() has passed over them.
+  [[nodiscard]] virtual std::uint64_t refused() const noexcept RTBUS_NONBLOCKING { return 0; }
 };
 
-/// What happened in a cycle that somebody should be told once, not every tick.
+/// Events of a cycle that are reported once, not every tick.
 enum class LoopEvent : std::uint8_t {
   kNone,
   kLinkLost,
+  kLinkLags,  ///< A loss too: it answers, but a hand of long ago.
   kLinkAlive,
   kDeviceLost,
   kDeviceBack,
   kOverspeed,
   kClutched,
-  kReleased
+  kReleased,
+  kEstopped,
+  kRearmed
 };
 
 class Loop {
@@ -60,27 +67,55 @@ class Loop {
   /// the wake-up latency is that from the measurement to here. @param now_ns Now. @realtime Yes.
   void cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
-  /// Zero force, at once, outside the ladder: the last thing a loop does. @realtime Yes.
+  /// Sends zero force at once, outside the ladder: the last action of a loop. @realtime Yes.
   void release(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
   /// Bookkeeping of the pacer, for the counters. @realtime Yes.
   void count_schedule(std::uint64_t due, std::uint64_t overruns) noexcept RTBUS_NONBLOCKING;
 
-  /// The next untold event of the last cycle; kNone when there is none left. @realtime Yes.
+  /// The next unreported event of the last cycle; kNone when there is none left. @realtime Yes.
   [[nodiscard]] LoopEvent take_event() noexcept RTBUS_NONBLOCKING;
 
   /// Everything about the last cycle. Loop's thread only.
   [[nodiscard]] const rtbus::Telemetry& telemetry() const noexcept { return telemetry_; }
   [[nodiscard]] const rtbus::DeviceState& device_state() const noexcept { return state_; }
   [[nodiscard]] const Mapping& mapping() const noexcept { return mapping_; }
-  [[nodiscard]] const Renderer& renderer() const noexcept { return *renderer_; }
+  [[nodiscard]] const Method& method() const noexcept { return *method_; }
 
   /// Counters and percentiles since start. Any thread; not realtime.
   [[nodiscard]] rtbus::LoopStats stats() const;
 
+  /// The newest orders; they act from the next cycle on. One thread, any; not realtime.
+  void order(const rtbus::Orders& orders) noexcept { orders_.set(orders); }
+
  private:
+  /// Of one cycle, by the real clock.
+  struct CycleTimes {
+    std::uint64_t due_ns = 0, began_ns = 0, read_ns = 0, computed_ns = 0, written_ns = 0;
+  };
+
+  // The parts of a cycle, in their order.
   [[nodiscard]] bool read_device(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
-  void take_news(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] bool forces_enabled(bool device_ok, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void take_orders() noexcept RTBUS_NONBLOCKING;
+  void take_answers(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] RenderOutput render(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] SafetyOutput make_safe(const RenderOutput& rendered, bool device_ok, bool enabled,
+                                       std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  /// @returns what was written; whether the device took it is in write_failed_.
+  [[nodiscard]] rtbus::Vec3 write_force(const Eigen::Vector3d& force_n, std::uint64_t computed_ns,
+                                        std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void tell_physics(const RenderOutput& rendered, const Eigen::Vector3d& walls_n, const rtbus::Vec3& written_n,
+                    bool enabled, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void record_cycle(const RenderOutput& rendered, const SafetyOutput& safe, const rtbus::Vec3& written_n,
+                    std::uint64_t due_ns, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void record_times(const CycleTimes& at) noexcept RTBUS_NONBLOCKING;
+
+  // Parts of those.
+  /// Judges proxy_answer_, and makes the proxy of it.
+  void take_proxy(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  /// Until physics has answered a sample from now on.
+  void forget_proxy() noexcept RTBUS_NONBLOCKING;
   void enable_edge(bool enabled, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
   void follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept RTBUS_NONBLOCKING;
   void describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m,
@@ -88,6 +123,8 @@ class Loop {
   void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool packet_is_due() noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool contacts_are_new(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  /// How long before the newest sample of the hand that one was measured which an answer belongs to.
+  [[nodiscard]] std::uint64_t behind_hand(std::uint64_t answered_ns) const noexcept RTBUS_NONBLOCKING;
 
   const HapticConfig& config_;
   drivers::Device& device_;
@@ -97,29 +134,32 @@ class Loop {
   const double packets_per_cycle_;  ///< 1: every tick.
   double packet_phase_;             ///< A packet is due when this reaches 1.
   Mapping mapping_;
-  std::unique_ptr<Renderer> renderer_;
-  bool owns_proxy_;  ///< The law does: RendererEntry::needs_contacts.
+  std::unique_ptr<Method> method_;
+  bool owns_proxy_;  ///< The method simulates the proxy: MethodEntry::needs_contacts.
   VelocityEstimator velocity_;
   SafetyLadder safety_;
   LinkMonitor monitor_;
+  OrderBox orders_;
+  GainRamp gains_;
 
-  ProxyView proxy_;               ///< Newest proxy, at the device.
-  std::uint64_t proxy_step_ = 0;  ///< Its step_index; 0: none since the last beginning.
-  double begun_j_ = 0.0;          ///< What the world has put in since then, until nothing touched; then negative.
-  rtbus::Stamped<rtbus::ProxyState> proxy_news_;
-  rtbus::Stamped<rtbus::Heartbeat> beat_news_;
-  rtbus::Stamped<rtbus::ProxyContacts> contact_news_;
+  ProxyView proxy_;       ///< Newest proxy, at the device.
+  WorldWork world_work_;  ///< Done by it, at the coupling.
+  rtbus::Stamped<rtbus::ProxyState> proxy_answer_;
+  rtbus::Stamped<rtbus::Heartbeat> heartbeat_sample_;
+  rtbus::Stamped<rtbus::ProxyContacts> contacts_answer_;
   drivers::DeviceSample sample_;
   bool device_ok_ = false;
-  bool device_seen_ = false;        ///< It has answered once.
-  bool write_failed_ = false;       ///< The last force did not leave: the device holds zero, or soon will.
+  bool device_seen_ = false;   ///< It has delivered a sample.
+  bool write_failed_ = false;  ///< The last force was not sent: the device applies zero, or will within its time-out.
   std::uint64_t force_timeout_ns_;  ///< The device's own.
   std::uint64_t last_cycle_ns_ = 0;
   bool enabled_ = false;
-  bool begin_anew_ = false;       ///< The next cycle enables afresh: physics has just come back.
-  std::uint64_t enabled_ns_ = 0;  ///< Since when; proxies that answer earlier samples are void.
+  bool begin_anew_ = false;       ///< The next cycle enables forces anew: physics has returned.
+  std::uint64_t enabled_ns_ = 0;  ///< When forces were enabled; answers to earlier samples are void.
   bool link_alive_ = false;
+  std::uint64_t refused_ = 0;  ///< Samples of physics, as of the last cycle.
   bool overspeed_ = false;
+  bool estop_ = false;
   bool clutched_ = false;
   Eigen::Vector3d clutch_position_W_ = Eigen::Vector3d::Zero();  ///< Target held in W while clutched.
 

@@ -1,6 +1,6 @@
 #pragma once
 /// @file loop_counters.hpp
-/// What the haptic loop counts of itself.
+/// Counters of the haptic loop.
 #include <atomic>
 #include <cstdint>
 
@@ -23,7 +23,7 @@ struct LoopCounters {
   /// One cycle: what the ladder did and sent. Loop's thread. @realtime Yes.
   void count(const SafetyOutput& safe, const Passivity& passivity,
              const LinkMonitor& monitor) noexcept RTBUS_NONBLOCKING;
-  /// Counts and percentiles since start; the rates are not its own to tell. Any thread; not realtime.
+  /// Counts and percentiles since start, without rates. Any thread; not realtime.
   [[nodiscard]] rtbus::LoopStats stats() const;
 };
 

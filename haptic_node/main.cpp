@@ -4,7 +4,6 @@
 #include <signal.h>
 #include <spdlog/spdlog.h>
 
-#include <CLI/CLI.hpp>
 #include <atomic>
 #include <cstdio>
 #include <thread>
@@ -12,10 +11,11 @@
 
 #include "haptic_node/node.hpp"
 #include "haptic_node/node_config.hpp"
+#include "rtbus/command_line/command_line.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/ending_signals.hpp"
-#include "rtbus/leash.hpp"
 #include "rtbus/node_log.hpp"
+#include "rtbus/parent_death.hpp"
 #include "rtbus/realtime.hpp"
 
 namespace {
@@ -58,22 +58,21 @@ Started start(haptic::Node& node, const sigset_t& ending) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Haptic node: runs the force loop of one device of a session."};
+  rtbus::CommandLine line("haptic_node", "Haptic node: runs the force loop of one device of a session.");
+  rtbus::Command root = line.root();
   std::string file;
   std::string name;
   std::vector<std::string> assignments;
-  app.add_option("--config", file, "Session file, for example config/wall.yaml")->required();
-  app.add_option("--name", name, "Which entry of `haptic:` to run; default: the first");
-  app.add_option("--set", assignments, "Change a key of the session: --set haptic.0.rate_hz=2000")->take_all();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  bool telemetry = false;
+  root.option("--config", file, "Session file, for example config/wall.yaml").required();
+  root.option("--name", name, "Which entry of `haptic:` to run; default: the first");
+  root.option("--set", assignments, "Change a key of the session: --set haptic.0.rate_hz=2000").take_all();
+  root.flag("--telemetry", telemetry, "Publish the telemetry from the first tick, though nobody observes it");
+  if (const std::optional<int> status = line.parse(argc, argv)) return *status;
 
   rtbus::log_to_stderr("haptic_node");
   const sigset_t ending = rtbus::block_ending_signals();
-  if (!rtbus::stay_on_leash()) return kExitFailed;
+  if (!rtbus::end_with_supervisor()) return kExitFailed;
   use_small_stacks();
 
   std::unique_ptr<haptic::Node> node;
@@ -87,6 +86,7 @@ int main(int argc, char** argv) {
       if (index == session.haptic.size()) throw rtbus::config::Error(file + ": no haptic entry is named " + name);
     }
     haptic::HapticConfig config = haptic::read_haptic_config(session, index);
+    config.telemetry_always = telemetry;
     auto opened = haptic::Node::open(std::move(config), session.session);
     if (!opened) {
       spdlog::error("{}", opened.error().message);

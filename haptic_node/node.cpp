@@ -5,15 +5,18 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
+#include <cstdlib>
 #include <optional>
 #include <system_error>
 
 #include "haptic_node/bus_link.hpp"
+#include "haptic_node/config_warnings.hpp"
 #include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/link_messages.hpp"
+#include "rtbus/order_messages.hpp"
 #include "rtbus/pacer.hpp"
+#include "rtbus/parent_death.hpp"
 #include "rtbus/publication.hpp"
 
 namespace haptic {
@@ -24,18 +27,14 @@ constexpr std::uint64_t kHousePeriod_ns = 20 * rtbus::kNsPerMs;  // the heartbea
 constexpr int kStatsEvery = 10;                                  // 5 Hz
 constexpr int kInfoEvery = 50;                                   // 1 Hz
 
-template <std::size_t N>
-void set_text(rtbus::Text<N>& out, std::string_view text) {
-  out = {};
-  std::memcpy(out.data(), text.data(), std::min(text.size(), N - 1));
-}
-
 const char* describe(LoopEvent event) {
   switch (event) {
     case LoopEvent::kNone:
       break;
     case LoopEvent::kLinkLost:
       return "physics is lost: force fades to zero";
+    case LoopEvent::kLinkLags:
+      return "physics answers a hand of long ago: device_time_ns of its answers is too old; force fades to zero";
     case LoopEvent::kLinkAlive:
       return "physics is there: force ramps up";
     case LoopEvent::kDeviceLost:
@@ -48,12 +47,17 @@ const char* describe(LoopEvent event) {
       return "clutch pressed: the tool waits where it is";
     case LoopEvent::kReleased:
       return "clutch released: mapping re-based";
+    case LoopEvent::kEstopped:
+      return "E-stop: force fades to zero, until it is re-armed (rtbus estop --rearm)";
+    case LoopEvent::kRearmed:
+      return "re-armed after the E-stop: force ramps up";
   }
   return "";
 }
 
 bool is_warning(LoopEvent event) {
-  return event == LoopEvent::kLinkLost || event == LoopEvent::kDeviceLost || event == LoopEvent::kOverspeed;
+  return event == LoopEvent::kLinkLost || event == LoopEvent::kLinkLags || event == LoopEvent::kDeviceLost ||
+         event == LoopEvent::kOverspeed || event == LoopEvent::kEstopped;
 }
 
 /// Ring that holds at least two seconds of ticks, for readers that follow in order.
@@ -69,6 +73,7 @@ struct Node::Topics {
   rtbus::Publication<rtbus::Heartbeat> heartbeat;
   rtbus::Publication<rtbus::NodeInfo> node_info;
   std::optional<rtbus::Publication<rtbus::LinkStats>> link_stats;  ///< Of a device over USB.
+  std::unique_ptr<rtbus::Subscription<rtbus::Orders>> orders;      ///< Null without a supervisor, who writes them.
 
   /// Housekeeping: makes anew what somebody has deleted, and finds physics.
   void maintain() noexcept {
@@ -78,6 +83,7 @@ struct Node::Topics {
     loop_stats.maintain();
     node_info.maintain();
     if (link_stats) link_stats->maintain();
+    if (orders) orders->maintain();
   }
   /// How often that was needed, and whether it fails. Any thread.
   [[nodiscard]] rtbus::RenewalCount renewals() const noexcept {
@@ -87,7 +93,7 @@ struct Node::Topics {
   }
 };
 
-Node::Node(HapticConfig config) : config_(std::move(config)) {}
+Node::Node(HapticConfig config) : config_(std::move(config)), observed_(config_.telemetry_always) {}
 
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, const rtbus::Session& session) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
@@ -109,19 +115,22 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "node_info", 4);
   std::optional<rtbus::Publication<rtbus::LinkStats>> link_stats;
-  if (settings.device->uses_usb()) {
+  if (settings.device->has_link()) {
     auto made = create(std::type_identity<rtbus::LinkStats>{}, "link_stats", 16);
     if (made) link_stats.emplace(std::move(*made));
   }
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
-  node->topics_.reset(new Topics{.link = {std::move(*device_state), session, settings.name,
-                                          find_renderer(settings.method)->needs_physics,
-                                          find_renderer(settings.method)->needs_contacts, settings.wire},
-                                 .telemetry = std::move(*telemetry),
-                                 .loop_stats = std::move(*loop_stats),
-                                 .heartbeat = std::move(*heartbeat),
-                                 .node_info = std::move(*node_info),
-                                 .link_stats = std::move(link_stats)});
+  node->topics_.reset(new Topics{
+      .link = {std::move(*device_state), session, settings.name, find_method(settings.method)->needs_physics,
+               find_method(settings.method)->needs_contacts, settings.wire},
+      .telemetry = std::move(*telemetry),
+      .loop_stats = std::move(*loop_stats),
+      .heartbeat = std::move(*heartbeat),
+      .node_info = std::move(*node_info),
+      .link_stats = std::move(link_stats),
+      .orders = std::getenv(rtbus::kSupervisorVariable) == nullptr
+                    ? nullptr
+                    : std::make_unique<rtbus::Subscription<rtbus::Orders>>(session, settings.name + ".orders")});
 
   auto device = settings.device->open({.session = session,
                                        .node_name = settings.name,
@@ -138,10 +147,9 @@ Node::~Node() { stop(); }
 std::string Node::left_out() const {
   std::string text;
   if (!config_.device->uses_usb()) text += "libusb, USB I/O thread, ";
-  if (config_.device->info().dof_actuated < 6) text += "torque path, ";
-  if (!loop_->renderer().needs_physics()) text += "physics link, ";
+  if (!loop_->method().needs_physics()) text += "physics link, ";
   if (!config_.wire.pipe) text += "pipe thread, ";
-  return text + "telemetry while nobody looks";
+  return text + "telemetry without an observer";
 }
 
 rtbus::Result<void, NodeFault> Node::start() {
@@ -152,6 +160,7 @@ rtbus::Result<void, NodeFault> Node::start() {
   spdlog::info("{}: {} at {:g} Hz, clock {}, method {}, K {:g} N/m, B {:g} N s/m, limit {:g} N", config_.name,
                device.model, config_.rate_hz, config_.clock == LoopClock::kTimer ? "timer" : "device", config_.method,
                config_.stiffness_n_per_m, config_.damping_n_s_per_m, config_.safety.max_force_n);
+  for (const std::string& warning : config_.warnings) spdlog::warn("{}: {}", config_.name, warning);
   if (config_.stiffness_n_per_m < config_.stiffness_requested_n_per_m) {
     spdlog::warn("{}: requested stiffness {:g} N/m lowered to {:g} N/m, the limit of {} at this rate", config_.name,
                  config_.stiffness_requested_n_per_m, config_.stiffness_n_per_m, device.model);
@@ -160,9 +169,8 @@ rtbus::Result<void, NodeFault> Node::start() {
     spdlog::warn("{}: requested damping {:g} N s/m lowered to {:g} N s/m, what {} carries at {:g} Hz", config_.name,
                  config_.damping_requested_n_s_per_m, config_.damping_n_s_per_m, device.model, config_.rate_hz);
   }
-  if (config_.damping_n_s_per_m > config_.damping_requested_n_s_per_m) {
-    spdlog::info("{}: requested damping {:g} N s/m raised to {:g} N s/m, a tenth of critical: less would ring on {}",
-                 config_.name, config_.damping_requested_n_s_per_m, config_.damping_n_s_per_m, config_.method);
+  if (const std::string raised = damping_raised(config_); !raised.empty()) {
+    spdlog::info("{}: {}", config_.name, raised);
   }
   if (const double passive = std::max(0.0, config_.passive_stiffness_n_per_m()); config_.stiffness_n_per_m > passive) {
     spdlog::info(
@@ -292,17 +300,26 @@ void Node::publish_stats(double achieved_hz) noexcept {
   if (const auto link = device_->link_stats()) topics_->link_stats->publish(*link, rtbus::monotonic_ns());
 }
 
+void Node::take_orders() noexcept {
+  if (!topics_->orders) return;
+  rtbus::Stamped<rtbus::Orders> newest;
+  if (topics_->orders->read_latest(newest) != rtbus::ReadStatus::kFresh) return;
+  if (!config_.adjustable_stiffness) newest.value.stiffness_n_per_m = 0.0;
+  if (!config_.adjustable_damping) newest.value.damping_n_s_per_m = -1.0;
+  loop_->order(newest.value);
+}
+
 void Node::house_thread() noexcept {
   rtbus::name_this_thread("haptic_house");
   (void)rtbus::prefer_on_time();
   rtbus::NodeInfo info;
-  set_text(info.role, "haptic");
-  set_text(info.kind, device_->info().model);
-  set_text(info.method, config_.method);
-  set_text(info.clock, config_.clock == LoopClock::kTimer ? "timer" : "device");
-  set_text(info.scheduling, grant_.scheduling());
-  set_text(info.realtime, grant_.summary());
-  set_text(info.left_out, left_out());
+  rtbus::set_text(info.role, "haptic");
+  rtbus::set_text(info.kind, device_->info().model);
+  rtbus::set_text(info.method, config_.method);
+  rtbus::set_text(info.clock, config_.clock == LoopClock::kTimer ? "timer" : "device");
+  rtbus::set_text(info.scheduling, grant_.scheduling());
+  rtbus::set_text(info.realtime, grant_.summary());
+  rtbus::set_text(info.left_out, left_out());
   info.rate_hz = config_.rate_hz;
   info.force_limit_n = config_.safety.max_force_n;
   info.stiffness_requested_n_per_m = config_.stiffness_requested_n_per_m;
@@ -326,8 +343,9 @@ void Node::house_thread() noexcept {
     beat.state = static_cast<std::uint32_t>(stop_.load() ? rtbus::NodeState::kStopping : rtbus::NodeState::kRunning);
     topics_->heartbeat.publish(beat, now_ns);
     topics_->maintain();
+    take_orders();
     device_->maintain();
-    observed_.store(topics_->telemetry.observed(), std::memory_order_relaxed);
+    observed_.store(config_.telemetry_always || topics_->telemetry.observed(), std::memory_order_relaxed);
     if (round % kStatsEvery == 0) publish_stats(achieved_hz);
     if (round % kInfoEvery == 0) {
       topics_->node_info.publish(info, now_ns);

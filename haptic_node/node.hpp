@@ -52,6 +52,7 @@ class Node {
   void run_device(std::uint64_t start_ns) noexcept;
   void after_cycle() noexcept RTBUS_NONBLOCKING;
   void house_thread() noexcept;
+  void take_orders() noexcept;
   void publish_stats(double achieved_hz) noexcept;
   [[nodiscard]] std::string left_out() const;
 
@@ -65,7 +66,7 @@ class Node {
   std::atomic<bool> granted_{false};
   std::atomic<bool> stop_{false};
   std::atomic<bool> house_stop_{false};
-  std::atomic<bool> observed_{false};  ///< Somebody reads the telemetry.
+  std::atomic<bool> observed_;  ///< The telemetry is published.
   std::atomic<std::uint64_t> last_tick_ns_{0};
   std::thread loop_thread_;
   std::thread house_thread_;

@@ -3,9 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <numbers>
+#include <optional>
 
+#include "haptic_node/config_warnings.hpp"
 #include "haptic_node/rendering/registry.hpp"
+#include "rtbus/config/vector3.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace haptic {
 
@@ -23,11 +28,6 @@ constexpr double kDampingPerMassRate = 0.25;
 /// The coupling has a fifth: one encoder step of a tip at rest then makes less than 0.05 N on the stiffest spring of a
 /// Desktop.
 constexpr double kCouplingDampingPerMassRate = 0.2;
-/// Least damping ratio ζ of the tip on a coupling whose other end follows slowly. The corners of the set-point's line,
-/// one per period T of physics, reach the tip's own frequency f with sinc²(π·f·T) of their size and are amplified there
-/// by 1/(2ζ): half of this keeps them smaller than what made them wherever 1/T is below 1.5·f; the other half is for a
-/// tip that moves, which dry friction does not calm (decision 0009).
-constexpr double kLeastDampingRatio = 0.2, kSlowPhysics = 1.5;
 /// What the passivity damper may make of one encoder step.
 constexpr double kDamperNoise_n = 0.05;
 /// `local_contact` holds (docs/results.md) for bodies down to this part of the tip's mass as the world sees it.
@@ -41,8 +41,23 @@ std::string format_number(double value) {
   return text;
 }
 
-Eigen::Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
-Eigen::Vector3d to_vector(const drivers::Vec3& v) { return {v[0], v[1], v[2]}; }
+/// `rate_hz` and `clock`. Two free-running clocks cost up to a tick of delay, and with it stiffness: a USB device paces
+/// unless told otherwise.
+void read_clock(Map& entry, HapticConfig& out) {
+  const drivers::DeviceInfo& device = out.device->info();
+  const bool paces = out.device->has_link() && device.can_pace_loop;
+  out.rate_hz = entry.number("rate_hz", {500.0, 10000.0}, paces ? device.sample_rate_hz : 1000.0);
+  const bool by_device = entry.choice("clock", {"timer", "device"}, paces ? "device" : "timer") == "device";
+  out.clock = by_device ? LoopClock::kDevice : LoopClock::kTimer;
+  if (!by_device) return;
+  if (!device.can_pace_loop) {
+    entry.fail("clock", "needs a device that wakes the loop, which " + device.model + " does not; use timer");
+  }
+  if (out.rate_hz != device.sample_rate_hz) {
+    entry.fail("rate_hz", "differs from " + format_number(device.sample_rate_hz) + " Hz, at which " + device.model +
+                              " samples and so, with clock: device, paces the loop; make them equal");
+  }
+}
 
 void read_mapping(Map& entry, HapticConfig& out) {
   auto map = entry.optional_map("mapping");
@@ -53,7 +68,7 @@ void read_mapping(Map& entry, HapticConfig& out) {
     map->fail("rotation_wxyz", "is not a unit quaternion (w, x, y, z): its norm is " + format_number(rotation.norm()));
   }
   out.mapping.q_WD = rotation.normalized();
-  out.mapping.offset_m = to_vector(map->numbers("offset_m", 3, {-1e3, 1e3}, {0.0, 0.0, 0.0}));
+  out.mapping.offset_m = read_vector3(*map, "offset_m", {-1e3, 1e3}, {0.0, 0.0, 0.0});
   out.mapping.position_scale = map->number("position_scale", {1e-3, 1e3}, 1.0);
   out.mapping.force_scale = map->number("force_scale", {1e-3, 1e3}, 1.0 / out.mapping.position_scale);
   if (map->has("clutch_button")) out.clutch_button = static_cast<int>(map->integer("clutch_button", 0, 31, 0));
@@ -88,6 +103,8 @@ void read_safety(Map& entry, HapticConfig& out) {
                                      " N/ms for K = " + format_number(out.stiffness_n_per_m) +
                                      " N/m and a hand at 0.6 m/s: the wall would lag; raise it or lower the stiffness");
     }
+    out.gain_limits.stiffness_max_n_per_m =
+        std::min(out.gain_limits.stiffness_max_n_per_m, safety.slew_n_per_ms * 1e3 / (2.0 * kSlewHandSpeed_m_s));
     safety.start_ramp_s = map->number("start_ramp_ms", {50.0, 1e4}, 200.0) * 1e-3;
     safety.resume_ramp_s = map->number("resume_ramp_ms", {10.0, 1e4}, 100.0) * 1e-3;
     safety.overspeed_m_s =
@@ -100,20 +117,17 @@ void read_safety(Map& entry, HapticConfig& out) {
   safety.force_timeout_s = device.force_timeout_s;
 
   PassivityConfig& passivity = safety.passivity;
-  // A spring of this stiffness cannot hold more than this: at the force limit, or stretched across the workspace.
-  const double workspace_m = (to_vector(device.workspace_max_m) - to_vector(device.workspace_min_m)).norm();
-  passivity.reservoir_max_j =
-      std::min(safety.max_force_n * safety.max_force_n / (2.0 * std::max(out.stiffness_n_per_m, 1e-9)),
-               0.5 * out.stiffness_n_per_m * workspace_m * workspace_m);
-  // A law without a spring stores nothing, and still may not give what it has not got.
-  passivity.debt_floor_j = safety.max_force_n * 1e-3;
+  safety.workspace_m = (rtbus::vector_of(device.workspace_max_m) - rtbus::vector_of(device.workspace_min_m)).norm();
+  passivity.energy_cap_j = safety.energy_cap_j();
+  // A method without a spring stores nothing, and still may not give what it has not got.
+  passivity.deficit_floor_j = safety.max_force_n * 1e-3;
   // A tenth of m/T: the injected damper stays well inside its own sampled-data limit (2m/T) and its noise small.
   // One encoder step must not make more of it than anybody feels.
   const double noise_m_s = device.position_quantum_m * 2.0 * std::numbers::pi * out.velocity_cutoff_hz;
   passivity.damping_max_n_s_per_m =
       std::min(0.1 * device.apparent_mass_kg * out.rate_hz, kDamperNoise_n / std::max(noise_m_s, 1e-9));
   passivity.stiffness_n_per_m = out.stiffness_n_per_m;
-  passivity.books_world = find_renderer(out.method)->books_world;
+  passivity.counts_world_work = find_method(out.method)->counts_world_work;
   passivity.noise_speed_m_s = 2.0 * noise_m_s;
   passivity.allowance_n_s_per_m = kDampingPerMassRate * device.apparent_mass_kg * out.rate_hz;
   passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
@@ -140,7 +154,8 @@ const char* default_method(const rtbus::config::SessionConfig& session, const rt
                                                                                : "local_contact";
 }
 
-void read_method(Map& entry, const RendererEntry& method, HapticConfig& out) {
+/// Keys of the link and of some methods, and what does not go together.
+void read_method_keys(Map& entry, const MethodEntry& method, HapticConfig& out) {
   if (out.wire.rate_hz && *out.wire.rate_hz > out.rate_hz) {
     entry.fail("link_rate_hz", "is above rate_hz = " + format_number(out.rate_hz) +
                                    " Hz: there is no newer state of the hand to send; lower it or leave it out");
@@ -157,9 +172,31 @@ void read_method(Map& entry, const RendererEntry& method, HapticConfig& out) {
   // One period of the ramp and half a period of age: what lies between the sampling of a hand and the force.
   out.prediction_periods = entry.number("prediction_periods", {0.0, 10.0}, 1.5);
   if (method.server_force != ServerForce::kPredicted) out.prediction_periods = 0.0;
-  if (auto proxy = entry.optional_map("proxy"); proxy && !method.needs_physics) {
-    out.proxy_mass_kg = proxy->number("mass_kg", {0.001, 100.0}, out.proxy_mass_kg);  // physics reads the rest
+}
+
+/// `form`, `link`, `method` and what depends on them.
+void read_method(Map& entry, rtbus::config::SessionConfig& session, HapticConfig& out) {
+  out.wire = rtbus::config::read_link_config(entry);
+  const double tip_mass_kg = out.device->info().apparent_mass_kg * out.mapping.gain_to_world();
+  std::vector<std::string> methods;
+  for (const MethodEntry& row : registered_methods()) methods.emplace_back(row.name);
+  out.method = entry.choice("method", methods, default_method(session, out.wire, tip_mass_kg));
+  const MethodEntry& method = *find_method(out.method);
+  if (method.needs_physics && !session.physics) {
+    entry.fail("method", "needs physics, and the session has no physics section; add one, or use direct");
   }
+  out.shapes = session.scene.static_shapes();
+  if (method.needs_contacts && rtbus::config::simulates_the_scene(*session.physics)) {
+    out.hulls = session.scene.standing_hulls();
+  }
+  if (!method.needs_physics && out.shapes.empty()) {
+    entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");
+  }
+  if (!method.needs_physics && out.shapes.size() > kMaxDirectShapes) {
+    entry.fail("method", "looks at every shape in every cycle and takes at most " + std::to_string(kMaxDirectShapes) +
+                             "; the scene has " + std::to_string(out.shapes.size()) + ": use remote_virtual_coupling");
+  }
+  read_method_keys(entry, method, out);
 }
 
 void read_realtime(Map& entry, HapticConfig& out) {
@@ -167,16 +204,9 @@ void read_realtime(Map& entry, HapticConfig& out) {
   if (!map) return;
   out.realtime_enforce = map->choice("policy", {"warn", "enforce"}, "warn") == "enforce";
   out.realtime.priority = static_cast<int>(map->integer("priority", 1, 98, 80));
-  if (map->has("core")) {
-    // "auto" or a CPU number.
-    const std::string core = map->text("core");
-    if (core != "auto") {
-      if (core.empty() || core.size() > 4 || core.find_first_not_of("0123456789") != std::string::npos) {
-        map->fail("core", "is neither auto nor a CPU number");
-      }
-      out.realtime.core = std::stoi(core);
-    }
-  }
+  const std::optional<int> core = rtbus::config::read_core(*map);
+  if (!core) map->fail("core", "is neither auto nor a CPU number");
+  out.realtime.core = *core;
   out.realtime.lock_memory = map->boolean("lock_memory", true);
   out.realtime.hold_dma_latency = map->boolean("hold_dma_latency", true);
   out.spin_s = map->number("spin_us", {0.0, 200.0}, 0.0) * 1e-6;
@@ -186,26 +216,100 @@ void read_realtime(Map& entry, HapticConfig& out) {
   map->finish();
 }
 
-/// Of the steps of physics, as the session declares them.
-double physics_hz(rtbus::config::SessionConfig& session) {
-  if (!session.physics) return 0.0;
-  const double rate_hz = session.physics->number("rate_hz", {1.0, 20000.0}, 1000.0);
-  return session.physics->has("throttle_hz") ? std::min(rate_hz, session.physics->number("throttle_hz", {0.5, 1000.0}))
-                                             : rate_hz;
-}
-
 /// Of the two that are made for it, as improved: does the loop damp against something slower than itself?
-bool slow_link(const RendererEntry& method, const HapticConfig& config, double physics_rate_hz) {
-  return (method.books_world || method.needs_contacts) && !config.wire.paper && physics_rate_hz < config.rate_hz;
+bool slow_link(const MethodEntry& method, const HapticConfig& config, double physics_rate_hz) {
+  return (method.counts_world_work || method.needs_contacts) && !config.wire.paper && physics_rate_hz < config.rate_hz;
 }
 
-/// Without it the set-point of a slow physics, which moves in straight lines, rings the tip at each corner.
-double damping_floor_n_s_per_m(const RendererEntry& method, const HapticConfig& config, double physics_rate_hz) {
-  if (!method.books_world || config.wire.paper) return 0.0;
-  const double mass_kg = config.device->info().apparent_mass_kg;
-  const double own_hz = std::sqrt(config.stiffness_n_per_m / mass_kg) / (2.0 * std::numbers::pi);
-  if (physics_rate_hz >= kSlowPhysics * own_hz) return 0.0;
-  return 2.0 * kLeastDampingRatio * std::sqrt(config.stiffness_n_per_m * mass_kg);
+/// @param steps_per_s Of physics; 0: the session has none.
+void read_velocity(Map& entry, double steps_per_s, HapticConfig& out) {
+  const char* const usual = slow_link(*find_method(out.method), out, steps_per_s) ? "adaptive_window" : "low_pass";
+  const std::string estimator = entry.choice("velocity_estimator", {"low_pass", "adaptive_window", "device"}, usual);
+  out.velocity.adaptive = estimator == "adaptive_window";
+  out.velocity.of_device = estimator == "device";
+  if (out.velocity.of_device && !out.device->info().measures_velocity) {
+    entry.fail("velocity_estimator", "needs a device that measures its velocity, and " + out.device->info().model +
+                                         " does not (docs/devices.md); use adaptive_window or low_pass");
+  }
+  out.velocity.quantum_m = out.device->info().position_quantum_m;
+  out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
+  out.velocity.cutoff_hz = out.velocity_cutoff_hz;
+}
+
+/// What device, rate and slew limit cannot carry is lowered, not refused: the same session runs on every device.
+/// @param steps_per_s Likewise.
+void read_coupling(Map& entry, double steps_per_s, HapticConfig& out) {
+  auto coupling = entry.map("coupling");
+  out.stiffness_requested_n_per_m = rtbus::config::read_coupling_stiffness(coupling);
+  out.damping_requested_n_s_per_m = coupling.number("damping_n_s_per_m", {0.0, 1e3}, 0.0);
+  coupling.finish();
+  const drivers::DeviceInfo& device = out.device->info();
+  GainLimits& limits = out.gain_limits;
+  limits.stiffness_max_n_per_m = std::min({device.max_stiffness_n_per_m,
+                                           kStiffnessPerMassRate2 * device.apparent_mass_kg * out.rate_hz * out.rate_hz,
+                                           device.max_slew_n_per_ms * 1e3 / (2.0 * kSlewHandSpeed_m_s)});
+  limits.damping_max_n_s_per_m = kCouplingDampingPerMassRate * device.apparent_mass_kg *
+                                 std::min(out.rate_hz, 2.0 * std::numbers::pi * out.velocity_cutoff_hz);
+  limits.tip_mass_kg = device.apparent_mass_kg;
+  const bool rings = find_method(out.method)->counts_world_work && !out.wire.paper;
+  limits.set_points_per_s = rings ? steps_per_s : std::numeric_limits<double>::infinity();
+  const Gains gains = limits.bearable({out.stiffness_requested_n_per_m, out.damping_requested_n_s_per_m});
+  out.stiffness_n_per_m = gains.stiffness_n_per_m;
+  out.damping_n_s_per_m = gains.damping_n_s_per_m;
+}
+
+/// After the mapping, which has the clutch's button.
+void read_buttons(Map& entry, HapticConfig& out) {
+  if (entry.has("enable_button")) {
+    out.enable_button = static_cast<int>(entry.integer("enable_button", 0, 31, 0));
+    if (out.enable_button == out.clutch_button) {
+      entry.fail("enable_button", "is also mapping.clutch_button; give them different buttons");
+    }
+  }
+  if (entry.has("estop_button")) {
+    out.estop_button = static_cast<int>(entry.integer("estop_button", 0, 31, 0));
+    if (out.estop_button == out.clutch_button || out.estop_button == out.enable_button) {
+      entry.fail("estop_button", "is also the button of the clutch or of enable; give them different buttons");
+    }
+  }
+}
+
+/// Which gains a running session may change. What `coupling` does not do in a method cannot be adjusted.
+void read_adjustable(Map& entry, HapticConfig& out) {
+  for (const std::string& key :
+       entry.choices("adjustable", {"coupling.stiffness_n_per_m", "coupling.damping_n_s_per_m"})) {
+    (key == "coupling.stiffness_n_per_m" ? out.adjustable_stiffness : out.adjustable_damping) = true;
+  }
+}
+
+/// After the coupling: beyond its stiffness the energy limit of the ladder would hold the walls back.
+void read_workspace_walls(Map& entry, HapticConfig& out) {
+  auto map = entry.optional_map("workspace_walls");
+  if (!map) return;
+  WorkspaceWalls& walls = out.walls;
+  const auto at_most = [&](const char* key, double asked, double most) {
+    if (asked <= most) return asked;
+    out.warnings.push_back(map->sentence(key, "is lowered to " + format_number(most) + ", that of the coupling as " +
+                                                  out.device->info().model + " bears it; lower it, or raise coupling." +
+                                                  key + " where the device allows"));
+    return most;
+  };
+  walls.stiffness_n_per_m =
+      at_most("stiffness_n_per_m", map->number("stiffness_n_per_m", {1.0, 5000.0}, 200.0), out.stiffness_n_per_m);
+  walls.damping_n_s_per_m =
+      at_most("damping_n_s_per_m", map->number("damping_n_s_per_m", {0.0, 10.0}, 0.0), out.damping_n_s_per_m);
+  const double margin_m = map->number("margin_m", {0.0, 0.1}, 0.010);
+  const drivers::DeviceInfo& device = out.device->info();
+  for (std::size_t i = 0; i < 3; ++i) {
+    walls.min_m[i] = device.workspace_min_m[i] + margin_m;
+    walls.max_m[i] = device.workspace_max_m[i] - margin_m;
+    if (walls.min_m[i] >= walls.max_m[i]) {
+      map->fail("margin_m", "leaves no room between the walls of the " +
+                                format_number(device.workspace_max_m[i] - device.workspace_min_m[i]) + " m that " +
+                                device.model + " has; lower it");
+    }
+  }
+  map->finish();
 }
 
 }  // namespace
@@ -226,71 +330,22 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
 
   auto device_file = entry.file_or_map("device");
   out.device = drivers::parse_device(device_file);
-  const drivers::DeviceInfo& device = out.device->info();
 
-  // Two free-running clocks cost up to a tick of delay, and with it stiffness: a USB device paces unless told
-  // otherwise.
-  const bool paces = out.device->uses_usb() && device.can_pace_loop;
-  out.rate_hz = entry.number("rate_hz", {500.0, 10000.0}, paces ? device.sample_rate_hz : 1000.0);
-  out.clock = entry.choice("clock", {"timer", "device"}, paces ? "device" : "timer") == "device" ? LoopClock::kDevice
-                                                                                                 : LoopClock::kTimer;
-  if (out.clock == LoopClock::kDevice && !device.can_pace_loop) {
-    entry.fail("clock", "needs a device that wakes the loop, which " + device.model + " does not; use timer");
-  }
-  if (out.clock == LoopClock::kDevice && out.rate_hz != device.sample_rate_hz) {
-    entry.fail("rate_hz", "differs from " + format_number(device.sample_rate_hz) + " Hz, at which " + device.model +
-                              " samples and so, with clock: device, paces the loop; make them equal");
-  }
-
+  read_clock(entry, out);
   read_mapping(entry, out);
-  out.wire = rtbus::config::read_link_config(entry);
-  const double tip_mass_kg = device.apparent_mass_kg * out.mapping.force_scale / out.mapping.position_scale;
-  std::vector<std::string> methods;
-  for (const RendererEntry& row : registered_renderers()) methods.emplace_back(row.name);
-  out.method = entry.choice("method", methods, default_method(session, out.wire, tip_mass_kg));
-  const RendererEntry* method = find_renderer(out.method);
-  if (method->needs_physics && !session.physics) {
-    entry.fail("method", "needs physics, and the session has no physics section; add one, or use direct");
-  }
-  out.shapes = session.scene.static_shapes();
-  if (!method->needs_physics && out.shapes.empty()) {
-    entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");
-  }
-
-  if (!method->needs_physics && out.shapes.size() > kMaxDirectShapes) {
-    entry.fail("method", "looks at every shape in every cycle and takes at most " + std::to_string(kMaxDirectShapes) +
-                             "; the scene has " + std::to_string(out.shapes.size()) + ": use remote_virtual_coupling");
-  }
-
-  read_method(entry, *method, out);
-
-  out.velocity.adaptive =
-      entry.choice("velocity_estimator", {"low_pass", "adaptive_window"},
-                   slow_link(*method, out, physics_hz(session)) ? "adaptive_window" : "low_pass") == "adaptive_window";
-  out.velocity.quantum_m = device.position_quantum_m;
-  out.velocity_cutoff_hz = entry.number("velocity_cutoff_hz", {10.0, 5000.0}, 100.0);
-  out.velocity.cutoff_hz = out.velocity_cutoff_hz;
-  auto coupling = entry.map("coupling");
-  out.stiffness_requested_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
-  out.damping_requested_n_s_per_m = coupling.number("damping_n_s_per_m", {0.0, 1e3}, 0.0);
-  coupling.finish();
-  // What device, rate and slew limit cannot carry is lowered, not refused: the same session runs on every device.
-  out.stiffness_n_per_m = std::min({out.stiffness_requested_n_per_m, device.max_stiffness_n_per_m,
-                                    kStiffnessPerMassRate2 * device.apparent_mass_kg * out.rate_hz * out.rate_hz,
-                                    device.max_slew_n_per_ms * 1e3 / (2.0 * kSlewHandSpeed_m_s)});
-  out.damping_n_s_per_m =
-      std::min(std::max(out.damping_requested_n_s_per_m, damping_floor_n_s_per_m(*method, out, physics_hz(session))),
-               kCouplingDampingPerMassRate * device.apparent_mass_kg *
-                   std::min(out.rate_hz, 2.0 * std::numbers::pi * out.velocity_cutoff_hz));
-
-  if (entry.has("enable_button")) out.enable_button = static_cast<int>(entry.integer("enable_button", 0, 31, 0));
-  if (out.enable_button >= 0 && out.enable_button == out.clutch_button) {
-    entry.fail("enable_button", "is also mapping.clutch_button; give them different buttons");
-  }
+  read_method(entry, session, out);
+  const double steps_per_s = session.physics ? rtbus::config::read_step_rate(*session.physics).steps_per_s() : 0.0;
+  read_velocity(entry, steps_per_s, out);
+  read_coupling(entry, steps_per_s, out);
+  read_buttons(entry, out);
+  read_adjustable(entry, out);
+  read_workspace_walls(entry, out);
   read_safety(entry, out);
   read_realtime(entry, out);
-  (void)entry.optional_map("proxy");  // physics reads it
+  if (auto proxy = entry.optional_map("proxy"))
+    out.proxy = rtbus::config::read_proxy_body(*proxy);  // physics reads the rest
   entry.finish();
+  for (std::string& warning : config_warnings(out, session, index)) out.warnings.push_back(std::move(warning));
   return out;
 }
 

@@ -5,15 +5,18 @@
 #include <string>
 #include <vector>
 
-#include "drivers/registry.hpp"
+#include "drivers/registry/registry.hpp"
+#include "haptic_node/gains.hpp"
 #include "haptic_node/link_monitor.hpp"
-#include "haptic_node/mapping.hpp"
+#include "haptic_node/rendering/mapping.hpp"
 #include "haptic_node/safety.hpp"
 #include "haptic_node/velocity.hpp"
+#include "haptic_node/workspace_walls.hpp"
 #include "rtbus/config/document.hpp"
-#include "rtbus/config/link.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/config/shared_keys.hpp"
 #include "rtbus/realtime.hpp"
+#include "rtbus/shapes/hull.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace haptic {
@@ -24,30 +27,38 @@ struct HapticConfig {
   std::string name;  ///< "haptic0"
   double rate_hz = 1000.0;
   LoopClock clock = LoopClock::kTimer;
-  std::string method;               ///< A row of rendering/registry.cpp.
-  rtbus::config::LinkConfig wire;   ///< Form of the method, and how packets go to physics.
-  double prediction_periods = 0.0;  ///< Horizon of eq. (4), in physics steps.
-  double proxy_mass_kg = 0.1;       ///< In the world; read by laws that simulate the proxy themselves.
+  std::string method;                    ///< A row of rendering/registry.cpp.
+  rtbus::config::LinkConfig wire;        ///< Form of the method, and how packets go to physics.
+  double prediction_periods = 0.0;       ///< Horizon of eq. (4), in physics steps.
+  rtbus::config::ProxyBodyConfig proxy;  ///< The mass is read by methods that simulate the proxy themselves.
   double stiffness_requested_n_per_m = 0.0;
   double stiffness_n_per_m = 0.0;  ///< Rendered: lowered to what device and rate allow.
   double damping_requested_n_s_per_m = 0.0;
   /// Rendered: lowered to what mass, rate and velocity filter can carry; of `remote_virtual_coupling`, as improved, at
   /// least a fifth of critical.
   double damping_n_s_per_m = 0.0;
+  GainLimits gain_limits;
+  bool adjustable_stiffness = false, adjustable_damping = false;  ///< `adjustable`: orders may change them.
   MappingConfig mapping;
   int clutch_button = -1;  ///< −1: no clutch.
   int enable_button = -1;  ///< −1: forces act from the start; else only while this button is held.
+  int estop_button = -1;   ///< −1: none. Pressed: zero force until re-armed by an order.
   double velocity_cutoff_hz = 100.0;
   VelocityConfig velocity;
   SafetyConfig safety;
+  WorkspaceWalls walls;
   LinkMonitorConfig link;
   bool realtime_enforce = false;
   rtbus::RealtimeRequest realtime;
   double spin_s = 0.0;  ///< Tail of each sleep that is spent spinning.
   std::unique_ptr<drivers::DeviceConfig> device;
   std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene.
+  bool telemetry_always = false;  ///< Not of the file: telemetry is published though nobody observes it.
+  std::vector<rtbus::shapes::StandingHull> hulls;  ///< Of the scene, for a method that knows shapes.
+  std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
 
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
+  [[nodiscard]] Gains gains() const noexcept { return {stiffness_n_per_m, damping_n_s_per_m}; }
   /// K_max = 2(b − |B|)/T [N/m]: the stiffest sampled wall that this device renders passively by its own viscous
   /// damping alone; negative: none (J. E. Colgate, G. Schenkel, "Passivity of a class of sampled-data systems", J.
   /// Robotic Systems 14(1), 1997).

@@ -18,6 +18,18 @@ constexpr double kNoiseSpeed_m_s = 0.05;
 constexpr double kOverspeedRelease = 0.5;
 /// … for so long before force comes back.
 constexpr double kOverspeedHold_s = 0.1;
+/// A hand that presses and stays while the force ramps up is slower than this.
+constexpr double kSlow_m_s = 0.005;
+/// A spring that a ramp finds stretched counts whole after so long, as long as the ramp after a loss; at once would be
+/// a step of force.
+constexpr double kFill_s = 0.100;
+/// After a pause of so many periods, a hand rests when it has stayed within this distance …
+constexpr double kPausePeriods = 3.0;
+constexpr double kRestRadius_m = 0.2e-3;
+/// … for so long. A spring that it has stretched then fills up …
+constexpr double kRest_s = 0.2;
+/// … at this rate, too slowly to be felt as a push.
+constexpr double kRefill_n_per_s = 0.5;
 /// Bandwidth of the overspeed watch: 5 m/s is seen within two milliseconds.
 constexpr double kOverspeedCutoff_hz = 100.0;
 /// The thermal limit starts to close at this part of the continuous load.
@@ -75,6 +87,18 @@ Eigen::Vector3d SafetyLadder::limit_slew(const Eigen::Vector3d& force_n, const S
   return slewed_n_;
 }
 
+Eigen::Vector3d SafetyLadder::limit_growth(const Eigen::Vector3d& force_n, const SafetyInput& input,
+                                           std::uint32_t& acted) const noexcept {
+  // The observed energy may rise at once, by as much as the world claims to have given: with it the force that it
+  // bounds. A force that is held back takes no energy from anybody: what is sent is what the observer counts.
+  double allowed = sent_n_.norm() + config_.slew_n_per_ms * 1e3 * input.dt_s;
+  const double speed = input.velocity_m_s.norm();
+  if (speed > kNoiseSpeed_m_s && force_n.dot(input.velocity_m_s) < 0.0) {
+    allowed += kDissipativeSlewFactor * config_.stiffness_n_per_m * speed * input.dt_s;
+  }
+  return clamp(force_n, allowed, kSlewLimited, acted);
+}
+
 void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
   if (!input.device_ok) return;
   const double speed = speed_.update(input.position_m, input.sample_time_ns).norm();
@@ -88,7 +112,8 @@ void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
 }
 
 double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept {
-  const bool open = input.enabled && input.link_alive;
+  const bool open = input.enabled && input.link_alive && !input.estop;
+  if (input.estop) ever_open_ = false;  // afterwards as at the start
   if (open) {
     fading_ = false;
   } else if (!fading_) {
@@ -101,7 +126,7 @@ double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted)
     acted |= overspeed_ ? kOverspeed : kDeviceLost;
   } else if (!open) {
     gate_ = config_.stale_fade_s > 0.0 ? std::max(0.0, gate_ - input.dt_s / config_.stale_fade_s) : 0.0;
-    acted |= input.enabled ? kStale : kDisabled;
+    acted |= input.estop ? kEstop : input.enabled ? kStale : kDisabled;
   } else if (gate_ < 1.0) {
     const double ramp_s = ever_open_ ? config_.resume_ramp_s : config_.start_ramp_s;
     gate_ = ramp_s > 0.0 ? std::min(1.0, gate_ + input.dt_s / ramp_s) : 1.0;
@@ -130,6 +155,37 @@ void SafetyLadder::book_energy(const SafetyInput& input) noexcept {
   last_sample_ns_ = input.sample_time_ns;
 }
 
+void SafetyLadder::watch_rest(const Eigen::Vector3d& position_m, double dt_s) noexcept {
+  if ((position_m - rest_m_).norm() > kRestRadius_m) {
+    rest_m_ = position_m;
+    rested_s_ = 0.0;
+  } else {
+    rested_s_ += dt_s;
+  }
+}
+
+void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Vector3d& force_n) noexcept {
+  // A hand that rests in a wall cannot supply, without moving, what a ramp or a pause has cost the observer; without it
+  // the wall would stay soft for as long as it rests. It counts up to the device's continuous force (decision 0016),
+  // and not for a tip that has just run away.
+  if (gate_ <= 0.0) ran_away_ = overspeed_;
+  const double stiffness_n_per_m = config_.stiffness_n_per_m;
+  if (gate_ <= 0.0 || fading_ || ran_away_ || stiffness_n_per_m <= 0.0) {
+    filling_ = false;
+    return;
+  }
+  const double whole_n = std::min(force_n.norm(), config_.continuous_force_n);
+  const auto energy_j = [stiffness_n_per_m](double n) { return n * n / (2.0 * stiffness_n_per_m); };
+  // Where the spring ends at the proxy of physics, the work that the world does there counts in a ramp instead.
+  const bool slow = input.velocity_m_s.norm() <= kSlow_m_s;
+  filling_ = whole_n > 0.0 && !config_.passivity.counts_world_work && (filling_ || (gate_ < 1.0 && slow));
+  if (filling_ && slow) filling_ = !passivity_.grant_in_steps(whole_n, whole_n * input.dt_s / kFill_s);
+  if (!paused_ || rested_s_ < kRest_s) return;
+  const double held_n = std::sqrt(2.0 * stiffness_n_per_m * std::max(0.0, passivity_.observed_j()));
+  passivity_.grant(energy_j(std::min(held_n + kRefill_n_per_s * input.dt_s, whole_n)));
+  paused_ = held_n < whole_n;
+}
+
 void SafetyLadder::start_over() noexcept {
   gate_ = 0.0;
   slewed_n_.setZero();
@@ -149,8 +205,10 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   if (!std::isfinite(checked.world_work_j)) checked.world_work_j = 0.0;
 
   book_energy(checked);
-  if (last_cycle_ns_ != 0 && rtbus::seconds_between(last_cycle_ns_, checked.now_ns) > config_.force_timeout_s) {
-    start_over();
+  if (last_cycle_ns_ != 0) {
+    const double since_s = rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
+    paused_ = paused_ || since_s > kPausePeriods * checked.dt_s;
+    if (since_s > config_.force_timeout_s) start_over();
   }
 
   Eigen::Vector3d force = checked.force_n;
@@ -162,16 +220,21 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   force = limit_slew(force, checked, out.acted);
   watch_speed(checked);
   out.gate = update_gate(checked, out.acted);
-  // A fade only ever falls, also when the law goes on pulling harder at a proxy that stands still. The slew limit's own
-  // state is held down with it, so that a fade that is called off goes on from here.
+  // A fade only ever falls, also when the method goes on pulling harder at a proxy that stands still. The slew limit's
+  // own state is held down with it, so that a fade that is called off goes on from here.
   if (fading_) force = slewed_n_ = shortened(slewed_n_, fade_from_n_);
+  if (checked.device_ok) watch_rest(checked.position_m, checked.dt_s);
+  fill_resting_spring(checked, force);
+  // What the coupling stores, also while a ramp lets less of it through; not after the tip has run away.
+  const double stored_n = ran_away_ ? 0.0 : force.norm();
   force *= out.gate;
   const double thermal_n = thermal_limit_n();
   force = clamp(force, thermal_n, kThermalLimited, out.acted);
 
   bool limited = false, damped = false;
   passivity_.give(checked.world_work_j);
-  force = passivity_.limit(force, checked.velocity_m_s, limited);
+  force = passivity_.limit(force, stored_n, checked.velocity_m_s, limited);
+  force = limit_growth(force, checked, out.acted);
   if (out.gate > 0.0) force = passivity_.control(force, checked.velocity_m_s, checked.dt_s, damped);
   if (limited || damped) out.acted |= kPassivity;
   force = clamp(force, std::min(config_.max_force_n, thermal_n), kClamped, out.acted);

@@ -1,13 +1,14 @@
 #pragma once
 /// @file safety.hpp
-/// The ladder that every force climbs last, whatever the force law said. It cannot be configured away; docs/safety.md
-/// explains each rung.
+/// The safety ladder: checks and limits that every force passes last, whatever the method. It cannot be switched off;
+/// docs/safety.md explains each stage.
 ///
-///   finite check → clamp to the device's limit → slew limit → start ramp → overspeed cut → thermal budget →
-///   stale fade → passivity → clamp once more
+///   finite check → clamp to the device's limit → slew limit → start ramp → overspeed cut → E-stop and stale fade →
+///   thermal budget → passivity → clamp once more
 ///
-/// Slew limiting stands before passivity: a slew limit after it would change the force that the ledger has accounted
-/// for, and pump energy.
+/// The slew limit stands before passivity. After it, it would change the force that the observer has counted, and
+/// generate energy.
+#include <algorithm>
 #include <cstdint>
 
 #include <Eigen/Core>
@@ -23,17 +24,25 @@ struct SafetyConfig {
   double max_force_n = 0.0;         ///< Peak norm [N], at most the device's.
   double continuous_force_n = 0.0;  ///< Thermal budget [N].
   double thermal_time_constant_s = 12.0;
-  double slew_n_per_ms = 3.0;      ///< Growth and turning of the force; toward zero it may go 10 times faster.
-  double stiffness_n_per_m = 0.0;  ///< Of the coupling: a force against the motion may grow by 4·K·|v| besides.
-  double start_ramp_s = 0.2;       ///< 0 → 1 after enable.
-  double resume_ramp_s = 0.1;      ///< 0 → 1 after a loss, an overspeed cut or a clutch.
+  double slew_n_per_ms = 3.0;  ///< Growth and turning of the force; toward zero it may go 10 times faster.
+  double stiffness_n_per_m =
+      0.0;                    ///< Of the coupling: the slew limit of a force against the motion is larger by 4·K·|v|.
+  double workspace_m = 0.0;   ///< Diagonal of the device's workspace.
+  double start_ramp_s = 0.2;  ///< 0 → 1 after enable, and after an E-stop.
+  double resume_ramp_s = 0.1;  ///< 0 → 1 after a loss, an overspeed cut or a clutch.
   double overspeed_m_s = 2.0;
   double stale_fade_s = 0.04;     ///< 1 → 0 once loss is declared.
-  double force_timeout_s = 0.02;  ///< The device's own: after so long without a cycle it has gone to zero by itself.
+  double force_timeout_s = 0.02;  ///< The device's own time-out: after so long without a write it applies zero.
   PassivityConfig passivity;
+
+  /// A spring of this stiffness cannot hold more than this: at the force limit, or stretched across the workspace.
+  [[nodiscard]] double energy_cap_j() const noexcept {
+    return std::min(max_force_n * max_force_n / (2.0 * std::max(stiffness_n_per_m, 1e-9)),
+                    0.5 * stiffness_n_per_m * workspace_m * workspace_m);
+  }
 };
 
-/// Which rung acted; the bits of Telemetry::safety.
+/// Which stage acted; the bits of Telemetry::safety.
 enum SafetyBit : std::uint32_t {
   kClamped = 1u << 0,
   kSlewLimited = 1u << 1,
@@ -45,18 +54,20 @@ enum SafetyBit : std::uint32_t {
   kNonfinite = 1u << 7,
   kDeviceLost = 1u << 8,
   kDisabled = 1u << 9,
+  kEstop = 1u << 10,
 };
 
 struct SafetyInput {
-  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();       ///< From the force law, in D.
+  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();       ///< From the method, in D.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DT.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DT, estimated.
-  double world_work_j = 0.0;         ///< What the world has put into the coupling at the proxy, since the cycle before.
-  double dt_s = 0.0;                 ///< Period of the loop.
-  std::uint64_t now_ns = 0;          ///< Of this cycle: when its force will act.
-  std::uint64_t sample_time_ns = 0;  ///< When position_m was measured; the same as before: nothing new.
+  double world_work_j = 0.0;  ///< Energy that the world has put into the coupling at the proxy, since the cycle before.
+  double dt_s = 0.0;          ///< Period of the loop.
+  std::uint64_t now_ns = 0;   ///< Of this cycle: when its force will act.
+  std::uint64_t sample_time_ns = 0;  ///< When position_m was measured; unchanged: no new measurement.
   bool enabled = false;              ///< The user wants forces (and no clutch is pressed).
-  bool link_alive = false;           ///< Physics answers, or the force law does not need it.
+  bool estop = false;                ///< An E-stop holds.
+  bool link_alive = false;           ///< Physics is alive, or the method does not need it.
   bool device_ok = false;            ///< The sample of this cycle is good.
 };
 
@@ -66,26 +77,33 @@ struct SafetyOutput {
   double gate = 0.0;                                  ///< Ramp × fade × cut, 0…1.
 };
 
-/// A position that can be meant: finite, and nearer than a kilometre. Loop and ladder judge by the same.
+/// A plausible position: finite, below one kilometre. Loop and ladder use the same test.
 [[nodiscard]] bool sane_position(const Eigen::Vector3d& p_DT) noexcept RTBUS_NONBLOCKING;
-/// Likewise a velocity (below 10⁶ m/s) and a force (below 10⁹ N): with more a law's own sums would overflow.
+/// Likewise a velocity (below 10⁶ m/s) and a force (below 10⁹ N): above, a method's sums would overflow.
 [[nodiscard]] bool sane_velocity(const Eigen::Vector3d& v_DT) noexcept RTBUS_NONBLOCKING;
 [[nodiscard]] bool sane_force(const Eigen::Vector3d& f_DT) noexcept RTBUS_NONBLOCKING;
 
 /// One per loop. @realtime Yes: constant time, no allocation.
 ///
-/// A loop that was held up for longer than the device's time-out finds a device at zero: it starts again at gate 0, as
-/// after the loss of the device.
+/// After a delay longer than the device's time-out the device is at zero force. The ladder then starts at gate 0, as
+/// after a loss of the device.
 class SafetyLadder {
  public:
   explicit SafetyLadder(const SafetyConfig& config) noexcept;
 
   [[nodiscard]] SafetyOutput apply(const SafetyInput& input) noexcept RTBUS_NONBLOCKING;
 
-  /// The force of the last apply() did not reach the device: it holds zero or will soon. @realtime Yes.
+  /// The force of the last apply() did not reach the device: it applies zero, or will within its time-out. @realtime
+  /// Yes.
   void not_sent() noexcept RTBUS_NONBLOCKING {
     sent_n_.setZero();
     held_.revoke();
+  }
+
+  /// The coupling has another stiffness now [N/m]. @realtime Yes.
+  void set_stiffness(double stiffness_n_per_m) noexcept RTBUS_NONBLOCKING {
+    config_.stiffness_n_per_m = stiffness_n_per_m;
+    passivity_.set_stiffness(stiffness_n_per_m, config_.energy_cap_j());
   }
 
   [[nodiscard]] const Passivity& passivity() const noexcept { return passivity_; }
@@ -97,26 +115,37 @@ class SafetyLadder {
                                       std::uint32_t& acted) const noexcept;
   [[nodiscard]] Eigen::Vector3d limit_slew(const Eigen::Vector3d& force_n, const SafetyInput& input,
                                            std::uint32_t& acted) noexcept;
+  /// Behind the energy limit: no faster than the slew limit from the force that was sent last.
+  [[nodiscard]] Eigen::Vector3d limit_growth(const Eigen::Vector3d& force_n, const SafetyInput& input,
+                                             std::uint32_t& acted) const noexcept;
   [[nodiscard]] double update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept;
   void watch_speed(const SafetyInput& input) noexcept;
   void book_energy(const SafetyInput& input) noexcept;
+  void watch_rest(const Eigen::Vector3d& position_m, double dt_s) noexcept;
+  /// @param force_n Before the gate.
+  void fill_resting_spring(const SafetyInput& input, const Eigen::Vector3d& force_n) noexcept;
   void start_over() noexcept;
   [[nodiscard]] double thermal_limit_n() const noexcept;
 
   SafetyConfig config_;
   Passivity passivity_;
-  VelocityEstimator speed_;                             ///< Of its own, so that no filter setting blinds the cut.
-  bool ever_open_ = false;                              ///< The start ramp has been completed once.
-  std::uint64_t last_cycle_ns_ = 0;                     ///< 0: none yet.
-  std::uint64_t last_sample_ns_ = 0;                    ///< 0: none yet.
-  HeldForce held_;                                      ///< What acted on the hand of late.
+  VelocityEstimator speed_;           ///< A separate filter, so that no configured filter delays the cut.
+  bool ever_open_ = false;            ///< The start ramp has been completed once.
+  std::uint64_t last_cycle_ns_ = 0;   ///< 0: none yet.
+  std::uint64_t last_sample_ns_ = 0;  ///< 0: none yet.
+  HeldForce held_;                    ///< The recent forces on the hand.
   Eigen::Vector3d slewed_n_ = Eigen::Vector3d::Zero();  ///< Force after the slew limit, before the gate.
-  Eigen::Vector3d sent_n_ = Eigen::Vector3d::Zero();    ///< What left in the last cycle.
+  Eigen::Vector3d sent_n_ = Eigen::Vector3d::Zero();    ///< Force sent in the last cycle.
   double gate_ = 0.0;
   bool fading_ = false;
   double fade_from_n_ = 0.0;  ///< Norm of the ungated force when the fade began.
   bool overspeed_ = false;
-  double slow_s_ = 0.0;  ///< How long the tip has been slow since the cut.
+  bool ran_away_ = false;                             ///< The present ramp follows an overspeed cut.
+  bool filling_ = false;                              ///< A stretched spring that a ramp has found is not yet full.
+  bool paused_ = false;                               ///< The loop was held up, and no hand has rested since.
+  Eigen::Vector3d rest_m_ = Eigen::Vector3d::Zero();  ///< Where the hand rests, if it does …
+  double rested_s_ = 0.0;                             ///< … and for how long.
+  double slow_s_ = 0.0;                               ///< How long the tip has been slow since the cut.
   double thermal_load_n2_ = 0.0;
 };
 

@@ -15,6 +15,7 @@ struct VelocityConfig {
   bool adaptive = false;     ///< Adaptive window instead of the low-pass.
   double cutoff_hz = 100.0;  ///< Of the low-pass, > 0.
   double quantum_m = 0.0;    ///< Of the encoders, for the adaptive window.
+  bool of_device = false;    ///< The device's own velocity is taken instead of an estimate.
 };
 
 /// Low-pass: backward difference over the real time between measurements, through a first-order low-pass. One encoder
@@ -23,7 +24,7 @@ struct VelocityConfig {
 /// Adaptive window (F. Janabi-Sharifi, V. Hayward, C.-S. J. Chen, "Discrete-time adaptive windowing for velocity
 /// estimation", IEEE Trans. Control Systems Technology 8(6), 2000; first order, end-fit): per axis the slope of the
 /// longest line from the newest sample back that passes all samples between within one encoder step; at most kWindow of
-/// them. Decision 0009 has the comparison.
+/// them. Decision 0015 has the comparison.
 class VelocityEstimator {
  public:
   static constexpr std::size_t kWindow = 16;
@@ -35,6 +36,9 @@ class VelocityEstimator {
   /// @param position_m New measurement. @param time_ns When it was made; the same time as before changes nothing.
   /// @returns the estimate [m/s]. @realtime Yes, bounded by kWindow².
   const Eigen::Vector3d& update(const Eigen::Vector3d& position_m, std::uint64_t time_ns) noexcept RTBUS_NONBLOCKING;
+
+  /// A velocity that the device measured takes the estimate's place. @realtime Yes.
+  void take(const Eigen::Vector3d& velocity_m_s) noexcept RTBUS_NONBLOCKING { velocity_m_s_ = velocity_m_s; }
 
   [[nodiscard]] const Eigen::Vector3d& velocity_m_s() const noexcept { return velocity_m_s_; }
 

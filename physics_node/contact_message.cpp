@@ -2,12 +2,14 @@
 
 #include <algorithm>
 
+#include "rtbus/eigen.hpp"
+
 namespace physics {
 namespace {
 
 static_assert(kMaxContacts == rtbus::kContactSlots && kMaxSupports == rtbus::kSupportSlots);
 
-rtbus::Vec3 array_of(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+using rtbus::array_of;
 
 rtbus::Symmetric3 array_of(const Eigen::Matrix3d& m) {
   return {m(0, 0), 0.5 * (m(0, 1) + m(1, 0)), 0.5 * (m(0, 2) + m(2, 0)), m(1, 1), 0.5 * (m(1, 2) + m(2, 1)), m(2, 2)};
@@ -78,6 +80,19 @@ void fill_message(const ContactSet& set, const rtbus::ProxyState& proxy, rtbus::
   for (std::size_t i = 0; i < out.contacts; ++i) fill_contact(set.contacts[i], i, out);
   for (std::size_t i = 0; i < out.bodies; ++i) fill_body(set.bodies[i], i, out);
   for (std::size_t i = 0; i < out.supports; ++i) fill_support(set.supports[i], i, out);
+}
+
+void fill_points(const ContactSet& set, rtbus::ContactPoints& out) {
+  out = {.step_index = out.step_index, .simulated_s = out.simulated_s};
+  out.count = static_cast<std::uint32_t>(std::min(set.contacts.size(), rtbus::kContactSlots));
+  out.overflow = set.contacts_overflow;
+  for (std::size_t i = 0; i < out.count; ++i) {
+    const Contact& contact = set.contacts[i];
+    out.point_m[i] = rtbus::array_of(contact.point_m);
+    out.normal[i] = rtbus::array_of(contact.normal);
+    out.gap_m[i] = contact.gap_m;
+    out.body_index[i] = set.bodies[contact.row].body;
+  }
 }
 
 }  // namespace physics

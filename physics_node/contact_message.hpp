@@ -1,12 +1,15 @@
 #pragma once
 /// @file contact_message.hpp
 /// From an engine's contact set to the message of the bus.
-#include "physics_node/contact_set.hpp"
+#include "physics_node/engine/contact_set.hpp"
 #include "rtbus/contact_messages.hpp"
 
 namespace physics {
 
 /// Overwrites `out`. `proxy` is the answer of the same step; rows that `set` does not use are zero.
 void fill_message(const ContactSet& set, const rtbus::ProxyState& proxy, rtbus::ProxyContacts& out);
+
+/// The same for observers. Overwrites `out` but for its step and time.
+void fill_points(const ContactSet& set, rtbus::ContactPoints& out);
 
 }  // namespace physics

@@ -1,6 +1,6 @@
 #pragma once
 /// @file contact_topics.hpp
-/// The topics `physics.contacts.<haptic>` of the node: each exists, and costs, only once somebody needs it.
+/// The topics `physics.contacts.<haptic>` of the node: each is created, and costs time, only when it is needed.
 #include <atomic>
 #include <memory>
 #include <string>

@@ -64,11 +64,11 @@ const EngineModule& load_module(std::string_view engine, std::string_view module
   void* const library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);  // again: the same handle
   if (library == nullptr) throw Error(wanted + ": cannot load its module: " + dlerror());
   const auto function = reinterpret_cast<EngineModuleFunction>(dlsym(library, kEngineModuleSymbol));
-  if (function == nullptr) throw Error(wanted + ": " + file.string() + " is no engine module; build it anew");
+  if (function == nullptr) throw Error(wanted + ": " + file.string() + " is no engine module; build it again");
   const EngineModule* const module = function();
   if (module->abi_version != kEngineAbiVersion || module->scene_bytes != sizeof(Scene) ||
       module->body_bytes != sizeof(Body)) {
-    throw Error(wanted + ": " + file.string() + " belongs to another build of this program; build both anew");
+    throw Error(wanted + ": " + file.string() + " belongs to another build of this program; build both again");
   }
   return *module;
 }
@@ -81,10 +81,20 @@ std::unique_ptr<World> make_bullet(const Scene& scene, const EngineSettings& set
   return load_module("bullet", module, scene.file).make_world(scene, settings);
 }
 
+/// An engine that is a process of its own: it runs in the place of this one.
+std::unique_ptr<World> refuse_external(const Scene& scene, const EngineSettings&) {
+  throw Error(
+      scene.file +
+      ": physics.engine names a program that takes the place of physics_node; start the session with `rtbus run`, "
+      "or that program alone");
+}
+
 constexpr EngineEntry kEngines[] = {
-    {"analytic", "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies", "",
-     &make_analytic},
+    {"analytic", "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies", "", &make_analytic},
     {"bullet", "Bullet: rigid bodies that move, stack and sleep, and soft bodies", "", kRigidModule, &make_bullet},
+    {kExternalEngine, "A program of your own, which physics.command names", "Bullet", "", &refuse_external},
+    {"mujoco", "MuJoCo: rigid bodies with soft contacts, in a program of its own", "Bullet", "", &refuse_external,
+     "mujoco_engine"},
 };
 
 }  // namespace

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "physics_node/engine_module.hpp"
-#include "physics_node/world.hpp"
+#include "physics_node/engine/engine_module.hpp"
+#include "physics_node/engine/world.hpp"
 #include "rtbus/config/scene.hpp"
 
 namespace physics {
@@ -18,12 +18,17 @@ namespace physics {
 /// or when its module is not there.
 using EngineFactory = std::unique_ptr<World> (*)(const rtbus::config::Scene& scene, const EngineSettings& settings);
 
+/// The engine that is a program of the user's (docs/your-own-physics.md).
+inline constexpr std::string_view kExternalEngine = "external";
+
 struct EngineEntry {
   std::string_view name;         ///< In YAML, `physics.engine`.
   std::string_view description;  ///< One line for people.
   std::string_view left_out;     ///< Comma-separated: what a session with this engine does without.
   std::string_view module;       ///< File that the engine lives in; empty: in the node itself.
   EngineFactory factory;
+  /// Program that takes the place of physics_node, beside it; empty: none. `external` has the session's own command.
+  std::string_view program = "";
 };
 
 /// All rows, in the order in which they are listed to the user.

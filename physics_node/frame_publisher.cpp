@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "rtbus/eigen.hpp"
+
 namespace physics {
 
 namespace {
@@ -31,10 +33,8 @@ struct Frame<BodyPoses> {
   static std::size_t count(const World& world) { return world.bodies(); }
   static void fill(BodyPoses& sample, std::uint32_t i, const World& world, std::uint32_t body) {
     const BodyPose pose = world.body_pose(body);
-    const Eigen::Vector3d& p = pose.position_m;
-    const Eigen::Quaterniond& q = pose.orientation;
-    sample.position_m[i] = {p.x(), p.y(), p.z()};
-    sample.orientation_wxyz[i] = {q.w(), q.x(), q.y(), q.z()};
+    sample.position_m[i] = rtbus::array_of(pose.position_m);
+    sample.orientation_wxyz[i] = rtbus::array_of(pose.orientation);
   }
   static void clear(BodyPoses& sample, std::uint32_t i) {
     sample.position_m[i] = {};

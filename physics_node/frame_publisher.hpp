@@ -1,7 +1,7 @@
 #pragma once
 /// @file frame_publisher.hpp
-/// `physics.body_poses` and `physics.soft_nodes`: where the bodies and the nodes of soft ones are, for whoever draws
-/// them. Nothing is copied while nobody looks.
+/// `physics.body_poses` and `physics.soft_nodes`: poses of bodies and positions of soft nodes, for observers. Nothing
+/// is copied without an observer.
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -27,15 +27,16 @@ class FramePublisher {
   [[nodiscard]] static rtbus::Result<std::unique_ptr<FramePublisher>, rtbus::TopicError> create(
       const rtbus::Session& session, std::size_t items);
 
-  /// Makes the topic anew when it was deleted, and asks the kernel whether somebody looks. For the thread that beats.
+  /// Creates the topic again when it was deleted, and asks the kernel whether an observer is attached. For the
+  /// heartbeat thread.
   void maintain() noexcept {
     writer_.maintain();
     observed_.store(writer_.observed(), std::memory_order_relaxed);
   }
   [[nodiscard]] bool observed() const noexcept { return observed_.load(std::memory_order_relaxed); }
 
-  /// Publishes a frame when somebody looks and kPeriod_ns have passed. For the thread that steps, after it has
-  /// published its answers: about 20 ns per body of the time that is left until the next step.
+  /// Publishes a frame when an observer is attached and kPeriod_ns have passed. For the step thread, after its answers:
+  /// about 20 ns per body.
   void publish_if_due(const Stepper& stepper, std::uint64_t now_ns) noexcept;
 
  private:

@@ -5,19 +5,20 @@
 #include <spdlog/spdlog.h>
 #include <string.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "physics_node/engine_registry.hpp"
 #include "physics_node/node.hpp"
 #include "physics_node/node_config.hpp"
+#include "rtbus/command_line/command_line.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/ending_signals.hpp"
-#include "rtbus/leash.hpp"
 #include "rtbus/node_log.hpp"
+#include "rtbus/parent_death.hpp"
 
 namespace {
 
@@ -31,7 +32,7 @@ std::string help_footer() {
   }
   text +=
       "\nReads <haptic>.device_state of every haptic entry of the session; publishes physics.proxy_state.<haptic>,\n"
-      "physics.heartbeat, physics.step_stats and physics.node_info, and physics.contacts.<haptic> when a force law or\n"
+      "physics.heartbeat, physics.step_stats and physics.node_info, and physics.contacts.<haptic> when a method or\n"
       "physics.contacts asks for it. SIGINT or SIGTERM ends it and removes its topics.\n"
       "Exit status: 0 ended by a signal, 1 failed (for example: another physics node runs this session),\n"
       "2 wrong usage or configuration.";
@@ -41,24 +42,18 @@ std::string help_footer() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Physics node: simulates the world of a session and the proxy of each of its haptic devices.",
-               "physics_node"};
-  if (!rtbus::stay_on_leash()) return kExitFailed;
+  rtbus::CommandLine line(
+      "physics_node", "Physics node: simulates the world of a session and the proxy of each of its haptic devices.");
+  rtbus::Command root = line.root();
+  if (!rtbus::end_with_supervisor()) return kExitFailed;
   std::string file;
   std::vector<std::string> assignments;
-  app.add_option("--config", file, "Session file, for example config/wall.yaml")->required()->type_name("FILE");
-  app.add_option("--set", assignments, "Change a key of the session, as often as needed: --set physics.throttle_hz=18")
-      ->take_all()
-      ->type_name("KEY=VALUE");
-  app.footer(help_footer());
-  app.failure_message([](const CLI::App*, const CLI::Error& error) {
-    return "physics_node: " + std::string(error.what()) + " (--help lists the options)\n";
-  });
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
-  }
+  root.option("--config", file, "Session file, for example config/wall.yaml").required().type_name("FILE");
+  root.option("--set", assignments, "Change a key of the session, as often as needed: --set physics.throttle_hz=18")
+      .take_all()
+      .type_name("KEY=VALUE");
+  root.footer(help_footer());
+  if (const std::optional<int> status = line.parse(argc, argv)) return *status;
 
   rtbus::log_to_stderr("physics_node");
   const sigset_t ending = rtbus::block_ending_signals();

@@ -1,64 +1,24 @@
 #include "physics_node/node.hpp"
 
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 #include "physics_node/engine_registry.hpp"
+#include "physics_node/node_topics.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/pacer.hpp"
-#include "rtbus/packet_pipe.hpp"
-#include "rtbus/publication.hpp"
 #include "rtbus/realtime.hpp"
-#include "rtbus/subscription.hpp"
 
 namespace physics {
 namespace {
 
-constexpr int kStatsEvery = 10;                                // beats: 5 Hz
-constexpr int kInfoEvery = 50;                                 // 1 Hz
-constexpr double kKeepsUp = 0.97;                              // of real time; less is worth a warning
-constexpr int kWarnAgainAfter = 50;                            // statistics: 10 s
 constexpr std::uint64_t kLongestNapNs = 20 * rtbus::kNsPerMs;  // a stop waits no longer than this
 constexpr std::uint64_t kPacketNapNs = rtbus::kNsPerMs / 4;    // between two looks for a packet on the bus
 
-template <std::size_t N>
-void set_text(rtbus::Text<N>& out, std::string_view text) {
-  out = {};
-  std::memcpy(out.data(), text.data(), std::min(text.size(), N - 1));
-}
-
 }  // namespace
-
-/// The node's ends of its topics.
-struct Node::Topics {
-  rtbus::Publication<rtbus::Heartbeat> heartbeat;
-  rtbus::Publication<rtbus::StepStats> step_stats;
-  rtbus::Publication<rtbus::NodeInfo> node_info;
-  std::vector<rtbus::Publication<rtbus::ProxyState>> proxy_states;                        // one per haptic node
-  std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> device_states{};  // likewise
-  std::vector<rtbus::PacketPipe> pipes{};  // likewise with `link: pipe`, else empty
-
-  /// Finds the haptic nodes, and makes anew what somebody has deleted.
-  void maintain() noexcept {
-    heartbeat.maintain();
-    for (auto& proxy : proxy_states) proxy.maintain();
-    for (const auto& subscription : device_states) subscription->maintain();
-    step_stats.maintain();
-    node_info.maintain();
-  }
-  /// How often that was needed, and whether it fails.
-  [[nodiscard]] rtbus::RenewalCount renewals() const noexcept {
-    rtbus::RenewalCount count = rtbus::count_renewals(heartbeat, step_stats, node_info);
-    for (const auto& proxy : proxy_states) count += rtbus::count_renewals(proxy);
-    return count;
-  }
-};
 
 Node::Node(NodeConfig config)
     : config_(std::move(config)), contact_topics_(config_), heard_ns_(config_.proxies.size(), 0) {}
@@ -66,11 +26,14 @@ Node::Node(NodeConfig config)
 Node::~Node() { stop(); }
 
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
+  auto world = make_world(config.physics.engine, config.scene, config.physics.engine_settings());
+  return open(std::move(config), std::move(world));
+}
+
+rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config, std::unique_ptr<World> world) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
   const NodeConfig& settings = node->config_;
-  node->stepper_ =
-      std::make_unique<Stepper>(make_world(settings.physics.engine, settings.scene, settings.physics.engine_settings()),
-                                settings.proxies, settings.physics.parts_per_step());
+  node->stepper_ = std::make_unique<Stepper>(std::move(world), settings.proxies, settings.physics.parts_per_step());
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {
@@ -89,8 +52,10 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
   auto step_stats = create(std::type_identity<rtbus::StepStats>{}, "physics.step_stats", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
   const auto& bodies = settings.scene.bodies;
-  if (std::any_of(bodies.begin(), bodies.end(),
-                  [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; })) {
+  // The bodies of an external engine need not be those of the scene.
+  const bool others = settings.physics.engine == "external" && node->stepper_->world().bodies() > 0;
+  if (others || std::any_of(bodies.begin(), bodies.end(),
+                            [](const auto& body) { return body.type != rtbus::config::BodyType::kStatic; })) {
     auto poses = PosePublisher::create(settings.session, node->stepper_->world().bodies());
     if (poses) {
       node->poses_ = std::move(*poses);
@@ -107,6 +72,7 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
     }
   }
   if (failed.empty()) failed = node->contact_topics_.open();
+  if (failed.empty()) failed = node->contact_points_.open(settings);
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
 
   std::vector<rtbus::PacketPipe> pipes;
@@ -130,11 +96,13 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 
 void Node::start() {
   const PhysicsConfig& physics = config_.physics;
-  spdlog::info("physics: engine {}, scene {}, {} bodies, {} soft bodies, {} proxies, {} at {}{:g} Hz, {} parts per step",
-               physics.engine, config_.scene.name, stepper_->world().bodies(), config_.scene.soft_bodies.size(),
-               stepper_->proxies(), physics.clock(),
-               physics.pace == Pace::kFree ? "not less than " : "", 1.0 / physics.step_s(), physics.parts_per_step());
+  spdlog::info(
+      "physics: engine {}, scene {}, {} bodies, {} soft bodies, {} proxies, {} at {}{:g} Hz, {} parts per step",
+      physics.engine, config_.scene.name, stepper_->world().bodies(), config_.scene.soft_bodies.size(),
+      stepper_->proxies(), physics.clock(), physics.pace == Pace::kFree ? "not less than " : "", 1.0 / physics.step_s(),
+      physics.parts_per_step());
   spdlog::info("physics: left out: {}", left_out());
+  for (const std::string& warning : config_.warnings) spdlog::warn("physics: {}", warning);
   for (const std::string& warning : stepper_->world().warnings(physics.step_s() / physics.parts_per_step())) {
     spdlog::warn("physics: {}", warning);
   }
@@ -169,23 +137,23 @@ std::string Node::left_out() const {
   if (!poses_) {
     add("body poses");
   } else if (!poses_->observed()) {
-    add("body poses while nobody looks");
+    add("body poses without an observer");
   }
-  if (soft_nodes_ && !soft_nodes_->observed()) add("soft nodes while nobody looks");
-  if (!contact_topics_.in_use()) add("contact constraints while no force law asks for them");
+  if (soft_nodes_ && !soft_nodes_->observed()) add("soft nodes without an observer");
+  if (!contact_topics_.in_use()) add("contact constraints while no method asks for them");
   return text;
 }
 
 bool Node::read_devices() noexcept {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
-  bool first_has_news = false;
+  bool first_is_fresh = false;
   for (std::size_t i = 0; i < heard_ns_.size(); ++i) {
     rtbus::Stamped<rtbus::DeviceState> sample;
-    const bool news = topics_->pipes.empty()
-                          ? topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh
-                          : topics_->pipes[i].receive_newest(i == 0 ? now_ns + kLongestNapNs : now_ns, sample);
-    if (news) {
-      first_has_news = first_has_news || i == 0;
+    const bool fresh = topics_->pipes.empty()
+                           ? topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh
+                           : topics_->pipes[i].receive_newest(i == 0 ? now_ns + kLongestNapNs : now_ns, sample);
+    if (fresh) {
+      first_is_fresh = first_is_fresh || i == 0;
       stepper_->set_device(i, sample.value, sample.sequence);
       heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
     }
@@ -194,7 +162,7 @@ bool Node::read_devices() noexcept {
       heard_ns_[i] = 0;
     }
   }
-  return first_has_news;
+  return first_is_fresh;
 }
 
 bool Node::wait_for_packet() noexcept {
@@ -208,6 +176,7 @@ bool Node::wait_for_packet() noexcept {
 void Node::publish_pictures(std::uint64_t now_ns) noexcept {
   if (poses_) poses_->publish_if_due(*stepper_, now_ns);
   if (soft_nodes_) soft_nodes_->publish_if_due(*stepper_, now_ns);
+  contact_points_.publish_if_due(*stepper_, now_ns);
 }
 
 void Node::publish_answers(std::uint64_t compute_ns) noexcept {
@@ -229,7 +198,9 @@ void Node::count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s
   due_.store(due, std::memory_order_relaxed);
   wall_s_.store(wall_s, std::memory_order_relaxed);
   simulated_s_.store(stepper_->simulated_s(), std::memory_order_relaxed);
-  ignored_.store(stepper_->ignored_states(), std::memory_order_relaxed);
+  std::uint64_t ignored = stepper_->ignored_states();
+  for (const auto& device_state : topics_->device_states) ignored += device_state->refused();
+  ignored_.store(ignored, std::memory_order_relaxed);
   recoveries_.store(stepper_->world().recoveries(), std::memory_order_relaxed);
   if (late) late_.fetch_add(1, std::memory_order_relaxed);
   steps_.fetch_add(1, std::memory_order_relaxed);
@@ -323,117 +294,6 @@ void Node::step_on_packets() noexcept {
     count_step(ended_ns - began_ns, due, rtbus::seconds_between(first_ns, rtbus::monotonic_ns()), late);
     publish_pictures(ended_ns);
   }
-}
-
-void Node::beat_thread() noexcept {
-  rtbus::name_this_thread("physics_beat");
-  // A machine that is busy is not a dead physics process: the beat must not wait behind other work.
-  (void)rtbus::prefer_on_time();
-  const PhysicsConfig& physics = config_.physics;
-  rtbus::NodeInfo info;
-  set_text(info.role, "physics");
-  set_text(info.kind, physics.engine);
-  set_text(info.clock, physics.clock());
-  set_text(info.scheduling, "SCHED_OTHER");
-  set_text(info.realtime, "none asked for");
-  info.rate_hz = 1.0 / physics.step_s();
-  info.core = 0xffffffff;
-  info.bodies = static_cast<std::uint32_t>(stepper_->world().bodies());
-
-  rtbus::Heartbeat beat;
-  beat.pid = static_cast<std::uint32_t>(getpid());
-  beat.work_period_ns = period_ns();
-  const auto publish_beat = [&](rtbus::NodeState state) {
-    ++beat.beats;
-    beat.last_work_ns = last_work_ns_.load(std::memory_order_relaxed);
-    beat.work_compute_ns = last_compute_ns_.load(std::memory_order_relaxed);
-    beat.state = static_cast<std::uint32_t>(state);
-    topics_->heartbeat.publish(beat, rtbus::monotonic_ns());
-  };
-
-  rtbus::StepStats stats;
-  stats.rate_hz = info.rate_hz;
-  stats.bodies = stepper_->world().bodies();
-  // The counts of the last six statistics span one second.
-  std::array<std::pair<std::uint64_t, std::uint64_t>, 6> history{};  // (time, steps)
-  history.fill({rtbus::monotonic_ns(), 0});
-  const auto publish_stats = [&](bool ending) {
-    const std::uint64_t now_ns = rtbus::monotonic_ns();
-    stats.steps = steps_.load(std::memory_order_relaxed);
-    stats.late = late_.load(std::memory_order_relaxed);
-    stats.due = due_.load(std::memory_order_relaxed);
-    stats.simulated_s = simulated_s_.load(std::memory_order_relaxed);
-    stats.wall_s = wall_s_.load(std::memory_order_relaxed);
-    stats.step_p50_ms = static_cast<double>(step_time_ns_.percentile(0.50)) * 1e-6;
-    stats.step_p99_ms = static_cast<double>(step_time_ns_.percentile(0.99)) * 1e-6;
-    stats.step_max_ms = static_cast<double>(step_time_ns_.max()) * 1e-6;
-    std::rotate(history.begin(), history.begin() + 1, history.end());
-    history.back() = {now_ns, stats.steps};
-    const double span_s = rtbus::seconds_between(history.front().first, now_ns);
-    if (!ending)
-      stats.achieved_hz = span_s > 0.1 ? static_cast<double>(stats.steps - history.front().second) / span_s : 0.0;
-    topics_->step_stats.publish(stats, now_ns);
-  };
-
-  // An engine that cannot keep up is told to the user at once, and again while it lasts, but not every second.
-  double checked_wall_s = 0.0, checked_simulated_s = 0.0;
-  int quiet_rounds = 0;
-  const auto warn_when_slow = [&] {
-    if (--quiet_rounds > 0 || stats.wall_s - checked_wall_s < 0.9) return;
-    const double share = (stats.simulated_s - checked_simulated_s) / (stats.wall_s - checked_wall_s);
-    checked_wall_s = stats.wall_s;
-    checked_simulated_s = stats.simulated_s;
-    if (share > kKeepsUp) return;
-    spdlog::warn(
-        "physics: too slow for {:g} Hz: simulated time runs at {:.0f} % of real time (median step so far {:.3g} ms); "
-        "lower physics.rate_hz or physics.solver_iterations, or make the scene smaller",
-        stats.rate_hz, 100.0 * share, stats.step_p50_ms);
-    quiet_rounds = kWarnAgainAfter;
-  };
-
-  std::uint64_t warned_ignored = 0, warned_recoveries = 0;
-  rtbus::RenewalCount told;
-  std::uint64_t due_ns = rtbus::monotonic_ns();
-  for (int round = 0; !stop_beats_.load(std::memory_order_acquire); ++round) {
-    const bool stepped = steps_.load(std::memory_order_relaxed) > 0;
-    publish_beat(stop_steps_.load(std::memory_order_relaxed) ? rtbus::NodeState::kStopping
-                 : stepped                                   ? rtbus::NodeState::kRunning
-                                                             : rtbus::NodeState::kStarting);
-    topics_->maintain();
-    if (poses_) poses_->maintain();
-    if (soft_nodes_) soft_nodes_->maintain();
-    if (const std::string failed = contact_topics_.maintain(); !failed.empty()) spdlog::warn("physics: {}", failed);
-    if (round % kStatsEvery == 0) {
-      publish_stats(false);
-      warn_when_slow();
-    }
-    if (round % kInfoEvery == 0) {
-      set_text(info.left_out, left_out());
-      topics_->node_info.publish(info, rtbus::monotonic_ns());
-      const std::uint64_t ignored = ignored_.load(std::memory_order_relaxed);
-      if (ignored > warned_ignored) {
-        spdlog::warn("physics: {} device states ignored so far: a value was not finite, or a scale not above 0",
-                     ignored);
-        warned_ignored = ignored;
-      }
-      const std::uint64_t recoveries = recoveries_.load(std::memory_order_relaxed);
-      if (recoveries > warned_recoveries) {
-        spdlog::warn(
-            "physics: {} times so far a soft body had turned inside out or got numbers that are none, and was put back to "
-            "where the scene places it; lower its bulk_modulus_pa or linear_stiffness, or raise physics.rate_hz",
-            recoveries);
-        warned_recoveries = recoveries;
-      }
-      if (const rtbus::RenewalCount renewals = topics_->renewals(); renewals != told) {
-        spdlog::warn("physics: {}", renewals.text());
-        told = renewals;
-      }
-    }
-    due_ns = std::max(due_ns + kBeatPeriodNs, rtbus::monotonic_ns());
-    rtbus::sleep_until(due_ns);
-  }
-  publish_stats(true);  // the rate of a second in which steps ended says nothing
-  publish_beat(rtbus::NodeState::kStopping);
 }
 
 }  // namespace physics

@@ -2,10 +2,9 @@
 /// @file node.hpp
 /// The physics node: a Stepper between the bus and the clock.
 ///
-/// Threads: `physics_step` reads the devices, steps, publishes. `physics_beat` says every 20 ms that the process lives,
-/// attaches to topics that come and go, and publishes the statistics; it goes on while a step takes long, so that a
-/// slow engine and a dead process look different. Both are SCHED_OTHER: the hand's safety does not rest on this
-/// process.
+/// Threads: `physics_step` reads the devices, steps, publishes. `physics_beat` publishes the heartbeat every 20 ms,
+/// attaches to topics, and publishes the statistics. It continues during a long step, so that a slow engine and a dead
+/// process can be distinguished. Both are SCHED_OTHER: the hand's safety does not depend on this process.
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -13,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "physics_node/contact_points.hpp"
 #include "physics_node/contact_topics.hpp"
 #include "physics_node/frame_publisher.hpp"
 #include "physics_node/node_config.hpp"
@@ -37,15 +37,15 @@ struct NodeFault {
 ///
 /// `step_on: packet` (the paper's server): no clock. The step thread waits until the first haptic node has sent a
 /// packet, steps once, and publishes at once, or, throttled, when the period of the throttle is over. Over the bus it
-/// looks for a packet every 0.25 ms, for nobody is woken by a realtime loop; at a pipe it blocks.
+/// polls every 0.25 ms, since a realtime loop wakes nobody; at a pipe it blocks.
 ///
 /// Free clock: steps back to back. Each advances the time since the step before it began, so simulated time follows the
 /// wall clock at whatever rate the engine manages. A step is never longer than 1/rate_hz, for which the scene was made:
 /// an engine slower than that falls behind the wall clock, and the step counts as late. Nor is it shorter than
 /// kShortestFreeStepNs: a faster engine waits. The step thread keeps off the CPUs of the haptic loops.
 ///
-/// The proxy of a haptic node that is silent for longer than kDeviceSilentNs lets go: it pulls and touches nothing.
-/// When the node speaks again, the proxy starts anew at the target it names.
+/// The proxy of a haptic node that has not published for kDeviceSilentNs is released: it pulls and touches nothing.
+/// When the node publishes again, the proxy starts at its target, at rest.
 class Node {
  public:
   static constexpr std::uint64_t kDeviceSilentNs = 100'000'000;
@@ -54,16 +54,20 @@ class Node {
 
   /// Makes the world and creates the topics. Throws rtbus::config::Error when the engine refuses the scene.
   [[nodiscard]] static rtbus::Result<std::unique_ptr<Node>, NodeFault> open(NodeConfig config);
+  /// The same around a world that is there already.
+  [[nodiscard]] static rtbus::Result<std::unique_ptr<Node>, NodeFault> open(NodeConfig config,
+                                                                            std::unique_ptr<World> world);
   ~Node();
   Node(const Node&) = delete;
   Node& operator=(const Node&) = delete;
 
   void start();
-  /// Ends after the step that is running. The heartbeat's last word is kStopping; the topics go with the node.
+  /// Ends after the step that is running. The last heartbeat says kStopping; the topics are unlinked with the node.
   void stop() noexcept;
 
  private:
   struct Topics;
+  class Beats;
   explicit Node(NodeConfig config);
   void step_thread() noexcept;
   void step_on_time() noexcept;
@@ -72,11 +76,11 @@ class Node {
   void count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s, bool late) noexcept;
   void beat_thread() noexcept;
   void step_on_packets() noexcept;
-  /// Takes the newest state of each device. @returns whether the first one had news.
+  /// Takes the newest state of each device. @returns whether the first one had a new sample.
   bool read_devices() noexcept;
   [[nodiscard]] bool wait_for_packet() noexcept;
   void publish_answers(std::uint64_t compute_ns) noexcept;
-  /// After the answers have left: the hand does not wait for pictures.
+  /// Called after the answers are published: the hand does not wait for observers.
   void publish_pictures(std::uint64_t now_ns) noexcept;
   [[nodiscard]] std::string left_out() const;
   [[nodiscard]] bool sleep_unless_stopped(std::uint64_t deadline_ns) const noexcept;
@@ -85,7 +89,8 @@ class Node {
   NodeConfig config_;
   std::unique_ptr<Topics> topics_;
   ContactTopics contact_topics_;
-  std::unique_ptr<Stepper> stepper_;               // of the step thread once it runs
+  std::unique_ptr<Stepper> stepper_;  // of the step thread once it runs
+  ContactPointTopics contact_points_;
   std::unique_ptr<PosePublisher> poses_;           // null: nothing in this scene moves
   std::unique_ptr<SoftNodePublisher> soft_nodes_;  // null: nothing in this scene is soft
   std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed

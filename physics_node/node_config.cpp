@@ -5,6 +5,8 @@
 #include <string_view>
 
 #include "physics_node/engine_registry.hpp"
+#include "rtbus/config/overlap.hpp"
+#include "rtbus/config/vector3.hpp"
 
 namespace physics {
 namespace {
@@ -17,10 +19,7 @@ constexpr double kMaxPartsPerStep = 100'000.0;
 /// `realtime.core` of a haptic entry; its own reader says what is wrong with it.
 int haptic_core(rtbus::config::HapticEntry& entry) {
   auto realtime = entry.map.optional_map("realtime");
-  if (!realtime || !realtime->has("core")) return -1;
-  const std::string core = realtime->text("core");
-  const bool number = !core.empty() && core.size() <= 4 && core.find_first_not_of("0123456789") == std::string::npos;
-  return number ? std::stoi(core) : -1;
+  return realtime ? rtbus::config::read_core(*realtime).value_or(-1) : -1;
 }
 
 }  // namespace
@@ -46,12 +45,17 @@ PhysicsConfig read_physics_config(Map& map, const rtbus::config::LinkConfig& wir
   PhysicsConfig config;
   config.engine = map.choice("engine", engine_names(), config.engine);
   if (map.choice("pace", {"fixed", "free"}, "fixed") == "free") config.pace = Pace::kFree;
-  config.rate_hz = map.number("rate_hz", {1.0, 20000.0}, config.rate_hz);
-  if (map.has("throttle_hz")) config.throttle_hz = map.number("throttle_hz", {0.5, 1000.0});
+  const rtbus::config::StepRateConfig steps = rtbus::config::read_step_rate(map);
+  config.rate_hz = steps.rate_hz;
+  config.throttle_hz = steps.throttle_hz;
   config.substeps = static_cast<int>(map.integer("substeps", 1, 1000, config.substeps));
   config.solver_iterations = static_cast<int>(map.integer("solver_iterations", 1, 1000, config.solver_iterations));
   config.contacts_always = map.choice("contacts", {"auto", "on"}, "auto") == "on";
   if (map.has("contact_radius_m")) config.contact_radius_m = map.number("contact_radius_m", {1e-6, 10.0});
+  config.command = map.texts("command");
+  if (!config.command.empty() && config.engine != kExternalEngine) {
+    map.fail("command", "starts a physics of your own, which engine: external names; write that, or leave it out");
+  }
   if (config.throttle_hz && *config.throttle_hz > config.rate_hz) {
     map.fail("throttle_hz", "is above physics.rate_hz: a throttle slows the steps down; lower it or leave it out");
   }
@@ -83,20 +87,20 @@ ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
   config.wire = rtbus::config::read_link_config(entry.map);
   bool has_stiffness = false;
   if (auto proxy = entry.map.optional_map("proxy")) {
-    config.mass_kg = proxy->number("mass_kg", {0.001, 100.0}, config.mass_kg);
-    config.radius_m = proxy->number("radius_m", {0.0, 1.0}, config.radius_m);
+    const rtbus::config::ProxyBodyConfig body = rtbus::config::read_proxy_body(*proxy);
+    config.mass_kg = body.mass_kg;
+    config.radius_m = body.radius_m;
     config.friction = proxy->number("friction", {0.0, 10.0}, config.friction);
     has_stiffness = proxy->has("stiffness_n_per_m");
     if (has_stiffness) config.stiffness_n_per_m = proxy->number("stiffness_n_per_m", {0.1, 1e5});
     if (proxy->has("damping_n_s_per_m")) config.damping_n_s_per_m = proxy->number("damping_n_s_per_m", {0.0, 1e4});
     config.lead_steps = proxy->number("lead_steps", {0.0, 2.0}, config.lead_steps);
-    const std::vector<double> p = proxy->numbers("position_m", 3, {-1000.0, 1000.0}, {0.0, 0.0, 0.0});
-    config.position_m = {p[0], p[1], p[2]};
+    config.position_m = rtbus::config::read_vector3(*proxy, "position_m", {-1000.0, 1000.0}, {0.0, 0.0, 0.0});
     proxy->finish();
   }
   if (!has_stiffness) {
     Map coupling = entry.map.map("coupling");
-    config.stiffness_n_per_m = coupling.number("stiffness_n_per_m", {0.0, 1e5});
+    config.stiffness_n_per_m = rtbus::config::read_coupling_stiffness(coupling);
     if (config.stiffness_n_per_m < 0.1) {
       coupling.fail("stiffness_n_per_m",
                     "would leave the proxy where it is, for proxy.stiffness_n_per_m follows it; "
@@ -112,7 +116,7 @@ NodeConfig read_node_config(rtbus::config::SessionConfig& session) {
                                ": the session has no physics map, so there is nothing to simulate; add "
                                "'physics: {engine: analytic}' or start the haptic node alone");
   }
-  NodeConfig config{session.session, session.scene, {}, {}, {}, session.file};
+  NodeConfig config{session.session, session.scene, {}, {}, {}, session.file, overlap_warnings(session.scene)};
   config.physics = read_physics_config(*session.physics, rtbus::config::read_link_config(session.haptic.at(0).map));
   for (rtbus::config::HapticEntry& entry : session.haptic) {
     config.proxies.push_back(read_proxy_config(entry));

@@ -9,10 +9,10 @@
 
 #include <Eigen/Core>
 
-#include "physics_node/engine_module.hpp"
+#include "physics_node/engine/engine_module.hpp"
 #include "rtbus/config/document.hpp"
-#include "rtbus/config/link.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/config/shared_keys.hpp"
 
 namespace physics {
 
@@ -30,12 +30,13 @@ struct PhysicsConfig {
   std::string engine = "analytic";  ///< A row of engine_registry.cpp.
   Pace pace = Pace::kFixed;
   double rate_hz = 1000.0;  ///< Steps per second; throttled: 1/rate_hz is the longest part of a step; free: step.
-  std::optional<double> throttle_hz;       ///< Imitates a machine that manages only so many steps per second.
-  int substeps = 1;                        ///< Equal parts that each 1/rate_hz of simulated time is cut into.
+  std::optional<double> throttle_hz;  ///< Imitates a slow computer: so many steps per second.
+  int substeps = 1;                   ///< Equal parts that each 1/rate_hz of simulated time is cut into.
   /// `step_on: packet`: no clock; each packet of the first haptic node, so many per second, makes a step.
   std::optional<double> packet_rate_hz;
   int solver_iterations = 10;              ///< Of an engine that solves contacts by iteration; analytic does not.
-  bool contacts_always = false;            ///< Publish contact constraints also when no force law asks for them.
+  bool contacts_always = false;            ///< Publish contact constraints also when no method asks for them.
+  std::vector<std::string> command;        ///< `engine: external`: what `rtbus run` starts; empty: it waits for it.
   std::optional<double> contact_radius_m;  ///< How far around the proxy they reach; none: Stepper::contact_radius_m().
 
   [[nodiscard]] EngineSettings engine_settings() const noexcept { return {solver_iterations}; }
@@ -50,13 +51,13 @@ struct PhysicsConfig {
 
 /// `haptic.<n>.proxy:`. Gains are at the device; see Stepper for what they become in the world.
 struct ProxyConfig {
-  std::string device;                       ///< Name of the haptic node.
-  double mass_kg = 0.1;                     ///< In the world.
-  double radius_m = 0.0;                    ///< In the world; 0: a point.
-  double friction = 1.0;                    ///< Multiplied with the body's.
+  std::string device;                                           ///< Name of the haptic node.
+  double mass_kg = rtbus::config::ProxyBodyConfig{}.mass_kg;    ///< In the world.
+  double radius_m = rtbus::config::ProxyBodyConfig{}.radius_m;  ///< In the world; 0: a point.
+  double friction = 1.0;                                        ///< Multiplied with the body's.
   double stiffness_n_per_m = 0.0;           ///< At the device; default: the entry's coupling.stiffness_n_per_m.
   std::optional<double> damping_n_s_per_m;  ///< At the device; none: kDefaultDampingRatio on the proxy's mass.
-  double lead_steps = 0.0;  ///< The proxy is pulled to where the device will be so many steps later, at its velocity.
+  double lead_steps = 0.0;  ///< The proxy is pulled to the device's predicted position so many steps later.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP until the device first speaks.
   rtbus::config::LinkConfig wire;                        ///< Form of the method; how packets come.
 };
@@ -68,6 +69,7 @@ struct NodeConfig {
   std::vector<ProxyConfig> proxies;  ///< One per haptic entry, in the file's order.
   std::vector<int> haptic_cores;     ///< CPUs of the haptic loops, likewise; −1: `auto`.
   std::string file;
+  std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
 };
 
 /// Reads and finishes the `physics` map. Throws rtbus::config::Error.

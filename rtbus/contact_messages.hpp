@@ -1,7 +1,7 @@
 #pragma once
 /// @file contact_messages.hpp
-/// What physics says about the surroundings of a proxy, to a force law that integrates the proxy and the bodies it
-/// meets by itself. Conventions as in messages.hpp; what each quantity means exactly: physics_node/contact_set.hpp.
+/// Contacts around a proxy, and the bodies behind them, for a method that simulates both itself. Conventions as in
+/// messages.hpp; exact meaning of each quantity: physics_node/engine/contact_set.hpp.
 #include "rtbus/messages.hpp"
 
 namespace rtbus {
@@ -12,7 +12,7 @@ using Symmetric3 = std::array<double, 6>;
 inline constexpr std::size_t kContactSlots = 16;
 inline constexpr std::size_t kSupportSlots = 32;
 
-/// `physics.contacts.<haptic>`, with every ProxyState while a force law asks for it (DeviceState::wants) or the session
+/// `physics.contacts.HAPTIC`, with every ProxyState while a method asks for it (DeviceState::wants) or the session
 /// says `physics.contacts: on`. Rows beyond the counts are
 /// zero as published; Reader::read_latest_rows() leaves them as they were.
 struct ProxyContacts {
@@ -53,7 +53,7 @@ struct ProxyContacts {
   std::array<Vec3, kContactSlots> body_external_torque_n_m{};
   std::array<Vec3, kContactSlots> body_friction_force_n{};  ///< Friction of its other contacts.
   std::array<Vec3, kContactSlots> body_friction_torque_n_m{};
-  std::array<double, kContactSlots> body_friction_bound_n{};  ///< The most that this friction can become.
+  std::array<double, kContactSlots> body_friction_bound_n{};  ///< Upper bound of this friction, Σ μ·N.
   std::array<Vec3, kContactSlots> body_proxy_force_n{};       ///< By this proxy, on the body.
 
   std::array<std::uint32_t, kSupportSlots> support_body{};  ///< Row of the body that is held.
@@ -64,13 +64,14 @@ struct ProxyContacts {
   std::array<Vec3, kSupportSlots> support_velocity_m_s{};
   std::array<double, kSupportSlots> support_inverse_mass_per_kg{};  ///< Of what holds; 0: no force moves it.
   std::array<std::uint32_t, kSupportSlots>
-      support_points{};  ///< Contact points that carry: 1 a point, 3 or more, or two faces, a patch.
+      support_points{};  ///< Loaded contact points: 1 a point; 3 or more, or two faces, a patch.
 };
 
 template <>
 struct SampleTraits<ProxyContacts> {
   static constexpr std::string_view kName = "rtbus/ProxyContacts";
   using T = ProxyContacts;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, device_sequence, "1"),
                                       RTBUS_FIELD(T, device_time_ns, "ns"),
                                       RTBUS_FIELD(T, step_index, "1"),
@@ -123,5 +124,31 @@ struct SampleTraits<ProxyContacts> {
 };
 
 static_assert(sizeof(ProxyContacts) == 10176 && TabularSample<ProxyContacts>);
+
+/// `physics.contact_points.HAPTIC`, at most 30 times a second and only while an observer is attached: where the proxy
+/// touches, or nearly so, whatever the method. The radius is that of Stepper::contact_radius_m(). Rows beyond the count
+/// are zero.
+struct ContactPoints {
+  std::uint64_t step_index = 0;
+  double simulated_s = 0.0;                               ///< Simulated time since the world was made.
+  std::uint32_t count = 0;                                ///< Rows used, nearest first; soft ones last.
+  std::uint32_t overflow = 0;                             ///< Contacts that found no row.
+  std::array<Vec3, kContactSlots> point_m{};              ///< On the body, in W.
+  std::array<Vec3, kContactSlots> normal{};               ///< Unit, towards the proxy.
+  std::array<double, kContactSlots> gap_m{};              ///< Negative: penetrates.
+  std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order; soft ones after the others.
+};
+
+template <>
+struct SampleTraits<ContactPoints> {
+  static constexpr std::string_view kName = "rtbus/ContactPoints";
+  using T = ContactPoints;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
+  static constexpr std::array kFields{RTBUS_FIELD(T, step_index, "1"), RTBUS_FIELD(T, simulated_s, "s"),
+                                      RTBUS_FIELD(T, count, "1"),      RTBUS_FIELD(T, overflow, "1"),
+                                      RTBUS_FIELD(T, point_m, "m"),    RTBUS_FIELD(T, normal, "1"),
+                                      RTBUS_FIELD(T, gap_m, "m"),      RTBUS_FIELD(T, body_index, "1")};
+};
+static_assert(sizeof(ContactPoints) == 984 && Sample<ContactPoints>);
 
 }  // namespace rtbus

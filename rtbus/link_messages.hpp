@@ -1,6 +1,6 @@
 #pragma once
 /// @file link_messages.hpp
-/// How a device's link does, for whoever watches a session. Conventions as in messages.hpp.
+/// Statistics of a device's link, for observers. Conventions as in messages.hpp.
 #include "rtbus/messages.hpp"
 
 namespace rtbus {
@@ -54,6 +54,7 @@ template <>
 struct SampleTraits<LinkStats> {
   static constexpr std::string_view kName = "rtbus/LinkStats";
   using T = LinkStats;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, exchanges, "1"),
                                       RTBUS_FIELD(T, lost_frames, "1"),
                                       RTBUS_FIELD(T, bad_frames, "1"),

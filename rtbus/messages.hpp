@@ -1,13 +1,17 @@
 #pragma once
 /// @file messages.hpp
-/// What the nodes say to each other. Frames: D device base (x right, y up, z towards the user), W world (right-handed,
-/// y up), T tool tip, P proxy. Quaternions are (w, x, y, z). SI units. Stamps are CLOCK_MONOTONIC.
+/// The samples that the nodes exchange. Frames: D device base (x right, y up, z towards the user), W world
+/// (right-handed, y up), T tool tip, P proxy. Quaternions are (w, x, y, z). SI units. Stamps are CLOCK_MONOTONIC.
 ///
 /// A change here changes the type hash: both ends must be rebuilt, and docs/shared-memory-layout.md and CHANGELOG
 /// follow.
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <string>
+#include <string_view>
 
+#include "rtbus/realtime.hpp"
 #include "rtbus/sample.hpp"
 
 namespace rtbus {
@@ -17,8 +21,24 @@ using Quat = std::array<double, 4>;  ///< (w, x, y, z)
 template <std::size_t N>
 using Text = std::array<char, N>;
 
-/// Bodies that a hand may push in one physics step, where the force law integrates the proxy itself.
-inline constexpr std::size_t kTouchedRows = 4;
+/// Up to the first NUL, or all of it. What is not printable ASCII becomes '?': a segment may hold anything.
+template <std::size_t N>
+[[nodiscard]] std::string text_of(const Text<N>& text) {
+  std::string out(text.begin(), std::find(text.begin(), text.end(), '\0'));
+  std::replace_if(
+      out.begin(), out.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
+  return out;
+}
+
+/// The rest is NUL; what is longer than N − 1 is cut.
+template <std::size_t N>
+void set_text(Text<N>& out, std::string_view text) noexcept {
+  out = {};
+  std::copy_n(text.begin(), std::min(text.size(), N - 1), out.begin());
+}
+
+/// Bodies that a hand may push in one physics step, with a method that simulates the proxy itself.
+inline constexpr std::size_t kHandImpulseRows = 4;
 
 /// `<haptic>.device_state`, every tick: where the hand is, and where that is in the world.
 struct DeviceState {
@@ -30,31 +50,44 @@ struct DeviceState {
   Quat target_orientation_wxyz{1, 0, 0, 0};  ///< q_WT.
   double position_scale = 1.0;               ///< Metres of world per metre of device.
   double force_scale = 1.0;                  ///< Newtons in the world per newton at the device.
-  double hand_stiffness_n_per_m = 0.0;       ///< Order for ProxyState::hand_force_n: K at the device; 0: none is wanted.
-  double hand_damping_n_s_per_m = 0.0;       ///< Likewise B.
-  double prediction_periods = 0.0;           ///< Likewise: how many steps ahead the proxy is taken (eq. 4); 0: eq. (3).
-  std::uint64_t sample_time_ns = 0;          ///< When the device measured the pose.
-  std::uint32_t buttons = 0;                 ///< Bit i: button i.
-  std::uint32_t mapping_epoch = 0;           ///< Grows when the mapping is re-based and each time forces are enabled.
-  std::uint32_t enabled = 0;                 ///< 1 while forces may act.
-  std::uint32_t wants = 0;                   ///< What the force law needs besides ProxyState: bits of DeviceWants.
+  double hand_stiffness_n_per_m =
+      0.0;  ///< Stiffness K for ProxyState::hand_force_n, at the device; 0: physics computes no force.
+  double hand_damping_n_s_per_m = 0.0;  ///< Damping B for it.
+  double prediction_periods = 0.0;      ///< Prediction horizon for it in steps (eq. 4); 0: eq. (3).
+  std::uint64_t sample_time_ns = 0;     ///< When the device measured the pose.
+  std::uint32_t buttons = 0;            ///< Bit i: button i.
+  std::uint32_t mapping_epoch = 0;      ///< Grows when the mapping is re-based and each time forces are enabled.
+  std::uint32_t enabled = 0;            ///< 1 while forces may act.
+  std::uint32_t wants = 0;              ///< What the method needs besides ProxyState: bits of DeviceWants.
 
-  // With kOwnsProxy, in W: what the hand has done to bodies up to this sample, itself included. Sums, so that a sample which
-  // nobody reads loses nothing; the difference between two samples of one row and turn is what came in between.
-  std::array<std::uint32_t, kTouchedRows> touched_body{};     ///< In the scene's order.
-  std::array<std::uint32_t, kTouchedRows> touched_turn{};     ///< Another number: another body, from zero. 0: not in use.
-  std::array<Vec3, kTouchedRows> touched_impulse_n_s{};       ///< On the body.
-  std::array<Vec3, kTouchedRows> touched_angular_n_m_s{};     ///< About its centre of mass.
-  std::array<Vec3, kTouchedRows> touched_travel_n_s2{};       ///< ∫ impulse dt: when in between it came.
+  // With kOwnsProxy, in W: impulses of the hand on bodies, up to and including this sample. They are sums, so a sample
+  // that is not read loses nothing. The difference of two samples of the same row and generation is the impulse between
+  // them.
+  std::array<std::uint32_t, kHandImpulseRows> hand_impulse_body{};  ///< In the scene's order.
+  std::array<std::uint32_t, kHandImpulseRows>
+      hand_impulse_generation{};  ///< Changes when another body takes the row; its sums start at zero. 0: unused row.
+  std::array<Vec3, kHandImpulseRows> hand_impulse_n_s{};            ///< On the body.
+  std::array<Vec3, kHandImpulseRows> hand_angular_impulse_n_m_s{};  ///< About its centre of mass.
+  std::array<Vec3, kHandImpulseRows>
+      hand_impulse_integral_n_s2{};  ///< ∫ impulse dt: gives the mean time of the impulse.
+
+  double gripper_m = 0.0;  ///< Opening between the fingers of a gripper; 0: closed, or the device has none.
 };
+
+/// What a gain at the device (a stiffness, a damping) or a mass there is multiplied with to be that of the world: with
+/// x_W = s·x_D and F_W = f·F_D, K_W = (f/s)·K_D. @realtime Yes.
+[[nodiscard]] constexpr double gain_to_world(double position_scale, double force_scale) noexcept {
+  return force_scale / position_scale;
+}
 
 /// Bits of DeviceState::wants.
 enum DeviceWants : std::uint32_t {
   kWantsContacts = 1u << 0,  ///< ProxyContacts, contact_messages.hpp.
-  kOwnsProxy = 1u << 1,      ///< The law moves the proxy: the target is where it has it, and bodies get touched_… only.
+  kOwnsProxy =
+      1u << 1,  ///< The method simulates the proxy: the target is that proxy, and bodies receive hand_impulse_… only.
 };
 
-/// `physics.proxy_state.<haptic>`, every physics step: where the world lets the tool be.
+/// `physics.proxy_state.<haptic>`, every physics step: the simulated tool, held back by contacts.
 struct ProxyState {
   Vec3 position_m{};                  ///< p_WP.
   Vec3 velocity_m_s{};                ///< v_WP.
@@ -62,11 +95,14 @@ struct ProxyState {
   Vec3 angular_velocity_rad_s{};      ///< ω_WP.
   Vec3 coupling_force_n{};            ///< On the proxy by its spring to the device, in W, mean over the step.
   Vec3 contact_force_n{};             ///< On the proxy by the world, in W, mean over the step.
-  Vec3 hand_force_n{};                ///< On the hand, as physics made it (eq. 3, 4), in W; zero unless ordered.
+  Vec3 hand_force_n{};                ///< On the hand, computed by physics (eq. 3, 4), in W; zero when
+                                      ///< DeviceState::hand_stiffness_n_per_m is 0.
+  double coupling_work_j = 0.0;       ///< Work of the world on the coupling at the proxy since mapping_epoch began,
+                                      ///< in W: −Σ F·dx. A lost answer loses none of it.
   double step_s = 0.0;                ///< Simulated time this step advanced.
   double step_compute_s = 0.0;        ///< Time the engine took for it.
   std::uint64_t device_sequence = 0;  ///< The DeviceState this step answers; 0: none yet.
-  std::uint64_t device_time_ns = 0;   ///< Its sample_time_ns: the instant this proxy belongs to.
+  std::uint64_t device_time_ns = 0;   ///< Its sample_time_ns: the time that this proxy belongs to.
   std::uint64_t step_index = 0;       ///< Steps since the world was made, from 1.
   std::uint32_t contacts = 0;         ///< Contacts of the proxy in this step.
   std::uint32_t mapping_epoch = 0;    ///< Of the DeviceState it answers.
@@ -85,7 +121,7 @@ struct Heartbeat {
   std::uint32_t state = 0;  ///< NodeState.
 };
 
-/// `<node>.node_info`, once a second: who this is, for tools and reports.
+/// `<node>.node_info`, once a second: identity and settings of the node, for tools and reports.
 struct NodeInfo {
   Text<16> role{};        ///< "haptic" or "physics".
   Text<32> kind{};        ///< Device model of a haptic node, engine of a physics node.
@@ -93,13 +129,13 @@ struct NodeInfo {
   Text<16> clock{};       ///< "timer" or "device"; "fixed", "throttled" or "free" for physics.
   Text<16> scheduling{};  ///< "SCHED_FIFO" or "SCHED_OTHER", as granted.
   Text<128> realtime{};   ///< RealtimeGrant::summary().
-  Text<256> left_out{};   ///< Comma-separated: what this scene did not need.
+  Text<256> left_out{};   ///< Comma-separated: parts that this session does not load.
   double rate_hz = 0.0;   ///< Declared rate.
   double force_limit_n = 0.0;
   double stiffness_requested_n_per_m = 0.0;
   double stiffness_rendered_n_per_m = 0.0;  ///< After the device's and rate's limit.
   double damping_requested_n_s_per_m = 0.0;
-  double damping_rendered_n_s_per_m = 0.0;  ///< After what device and rate carry, and what the method needs.
+  double damping_rendered_n_s_per_m = 0.0;  ///< After the limits of device and rate, and the method's lower limit.
   std::uint32_t core = 0;                   ///< CPU number, or 0xffffffff when not pinned.
   std::uint32_t bodies = 0;
 };
@@ -112,20 +148,20 @@ struct LoopStats {
   double compute_p50_us = 0.0, compute_p99_us = 0.0, compute_max_us = 0.0;  ///< Without the device's read and write.
   double device_p50_us = 0.0, device_p99_us = 0.0, device_max_us = 0.0;     ///< Device::read plus Device::write.
   double proxy_age_p50_ms = 0.0, proxy_age_p99_ms = 0.0, proxy_age_max_ms = 0.0;
-  double force_rms_n = 0.0, force_peak_n = 0.0;  ///< Of the force that left.
-  double energy_absorbed_j =
-      0.0;  ///< Work done by the hand on the device's force since start; negative: we made energy.
-  double energy_removed_j = 0.0;  ///< Removed by the passivity damper.
-  std::uint64_t ticks_due = 0;    ///< Periods that passed since the loop started.
-  std::uint64_t ticks = 0;        ///< Cycles served.
-  std::uint64_t overruns = 0;     ///< Periods skipped because a cycle began or ended late.
+  double force_rms_n = 0.0, force_peak_n = 0.0;  ///< Of the force sent to the device.
+  double energy_absorbed_j = 0.0;  ///< Work of the hand on the device's force since start; negative: the device
+                                   ///< returned more than it received.
+  double energy_removed_j = 0.0;   ///< Removed by the passivity damper.
+  std::uint64_t ticks_due = 0;     ///< Periods that passed since the loop started.
+  std::uint64_t ticks = 0;         ///< Cycles served.
+  std::uint64_t overruns = 0;      ///< Periods skipped because a cycle began or ended late.
   std::uint64_t clamped = 0, slew_limited = 0, stale_ticks = 0, nonfinite = 0, overspeed = 0, thermal_limited = 0,
-                passivity_ticks = 0, device_lost = 0;  ///< Ticks in which that rung acted.
+                passivity_ticks = 0, device_lost = 0;  ///< Ticks in which that stage acted.
   std::uint64_t losses = 0;                            ///< Times physics was declared lost.
   std::uint64_t last_loss_ns = 0;                      ///< When; 0: never.
 };
 
-/// `<haptic>.telemetry`, every tick while somebody looks: everything the cycle knew and did.
+/// `<haptic>.telemetry`, every tick while an observer is attached: inputs and outputs of the cycle.
 struct Telemetry {
   std::uint64_t tick = 0;
   std::uint64_t due_ns = 0;          ///< Deadline this cycle was due at.
@@ -134,10 +170,10 @@ struct Telemetry {
   Vec3 velocity_m_s{};               ///< v_DT, estimated.
   Vec3 proxy_position_m{};           ///< p_DP used by this cycle (mapped W→D).
   Vec3 proxy_velocity_m_s{};         ///< v_DP.
-  Vec3 rendered_force_n{};           ///< From the force law, before safety, in D.
-  Vec3 force_n{};                    ///< What left for the device, in D.
+  Vec3 rendered_force_n{};           ///< From the method, before safety, in D.
+  Vec3 force_n{};                    ///< Force sent to the device, in D.
   double energy_absorbed_j = 0.0;    ///< As in LoopStats.
-  double energy_ledger_j = 0.0;      ///< Passivity reservoir.
+  double energy_observed_j = 0.0;    ///< E of the passivity observer.
   double gate = 0.0;                 ///< Product of start ramp and stale fade, 0…1.
   double wakeup_us = 0.0;            ///< Start of the cycle after its deadline.
   double compute_us = 0.0;
@@ -153,16 +189,16 @@ struct StepStats {
   double rate_hz = 0.0;                                            ///< Declared; pace free: the lowest that is exact.
   double achieved_hz = 0.0;                                        ///< Steps over the last second.
   double step_p50_ms = 0.0, step_p99_ms = 0.0, step_max_ms = 0.0;  ///< Engine time per step.
-  double simulated_s = 0.0;  ///< Sum of the steps.
-  double wall_s = 0.0;       ///< Time in which they were due: simulated_s over this is the real-time factor.
-  std::uint64_t steps = 0;   ///< Served.
-  std::uint64_t due = 0;     ///< Periods that have passed; pace free: steps.
-  std::uint64_t late = 0;    ///< Steps whose period was over before they were; pace free: cut to 1/rate_hz.
+  double simulated_s = 0.0;                                        ///< Sum of the steps.
+  double wall_s = 0.0;      ///< Time in which they were due: simulated_s over this is the real-time factor.
+  std::uint64_t steps = 0;  ///< Served.
+  std::uint64_t due = 0;    ///< Periods that have passed; pace free: steps.
+  std::uint64_t late = 0;   ///< Steps that took longer than their period; pace free: steps that were cut to 1/rate_hz.
   std::uint64_t bodies = 0;
 };
 
-/// `physics.body_poses`, at most 30 times a second and only while somebody looks: where the bodies of the scene are. A
-/// frame of more than kBodies bodies comes as several samples, one after the other.
+/// `physics.body_poses`, at most 30 times a second and only while an observer is attached: poses of the scene's bodies.
+/// A frame of more than kBodies bodies consists of several samples in order.
 struct BodyPoses {
   static constexpr std::uint32_t kBodies = 64;  ///< Bodies in one sample.
   std::uint64_t frame = 0;                      ///< Complete sets since the node started, from 1.
@@ -176,9 +212,9 @@ struct BodyPoses {
   std::array<Quat, kBodies> orientation_wxyz{};  ///< q_WB.
 };
 
-/// `physics.soft_nodes`, at most 30 times a second, only while somebody looks and only in scenes with soft bodies: where
-/// their nodes are, of all bodies one after the other. A frame comes as several samples. Whole micrometres take half the
-/// room of metres in double precision, and nobody sees less.
+/// `physics.soft_nodes`, at most 30 times a second, only while an observer is attached, only in scenes with soft
+/// bodies: positions of their nodes, body after body. A frame consists of several samples. Whole micrometres take half
+/// the memory of metres in double precision.
 struct SoftNodes {
   static constexpr std::uint32_t kNodes = 256;  ///< In one sample.
   std::uint64_t frame = 0;                      ///< Complete sets since the node started, from 1.
@@ -205,13 +241,14 @@ struct PlantState {
   Vec3 hand_force_n{};     ///< Hand on the tip, in D.
   std::uint64_t sample_time_ns = 0;
   std::uint32_t buttons = 0;
-  std::uint32_t timed_out = 0;  ///< 1 while the plant holds zero because commands stopped coming.
+  std::uint32_t timed_out = 0;  ///< 1 while the plant applies zero force because no commands arrive.
 };
 
 template <>
 struct SampleTraits<DeviceState> {
   static constexpr std::string_view kName = "rtbus/DeviceState";
   using T = DeviceState;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, position_m, "m"),
                                       RTBUS_FIELD(T, velocity_m_s, "m/s"),
                                       RTBUS_FIELD(T, orientation_wxyz, "1"),
@@ -228,29 +265,33 @@ struct SampleTraits<DeviceState> {
                                       RTBUS_FIELD(T, mapping_epoch, "1"),
                                       RTBUS_FIELD(T, enabled, "bool"),
                                       RTBUS_FIELD(T, wants, "bits"),
-                                      RTBUS_FIELD(T, touched_body, "1"),
-                                      RTBUS_FIELD(T, touched_turn, "1"),
-                                      RTBUS_FIELD(T, touched_impulse_n_s, "N.s"),
-                                      RTBUS_FIELD(T, touched_angular_n_m_s, "N.m.s"),
-                                      RTBUS_FIELD(T, touched_travel_n_s2, "N.s2")};
+                                      RTBUS_FIELD(T, hand_impulse_body, "1"),
+                                      RTBUS_FIELD(T, hand_impulse_generation, "1"),
+                                      RTBUS_FIELD(T, hand_impulse_n_s, "N.s"),
+                                      RTBUS_FIELD(T, hand_angular_impulse_n_m_s, "N.m.s"),
+                                      RTBUS_FIELD(T, hand_impulse_integral_n_s2, "N.s2"),
+                                      RTBUS_FIELD(T, gripper_m, "m")};
 };
 template <>
 struct SampleTraits<ProxyState> {
   static constexpr std::string_view kName = "rtbus/ProxyState";
   using T = ProxyState;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{
       RTBUS_FIELD(T, position_m, "m"),       RTBUS_FIELD(T, velocity_m_s, "m/s"),
       RTBUS_FIELD(T, orientation_wxyz, "1"), RTBUS_FIELD(T, angular_velocity_rad_s, "rad/s"),
       RTBUS_FIELD(T, coupling_force_n, "N"), RTBUS_FIELD(T, contact_force_n, "N"),
-      RTBUS_FIELD(T, hand_force_n, "N"),     RTBUS_FIELD(T, step_s, "s"),
-      RTBUS_FIELD(T, step_compute_s, "s"),   RTBUS_FIELD(T, device_sequence, "1"),
-      RTBUS_FIELD(T, device_time_ns, "ns"),  RTBUS_FIELD(T, step_index, "1"),
-      RTBUS_FIELD(T, contacts, "1"),         RTBUS_FIELD(T, mapping_epoch, "1")};
+      RTBUS_FIELD(T, hand_force_n, "N"),     RTBUS_FIELD(T, coupling_work_j, "J"),
+      RTBUS_FIELD(T, step_s, "s"),           RTBUS_FIELD(T, step_compute_s, "s"),
+      RTBUS_FIELD(T, device_sequence, "1"),  RTBUS_FIELD(T, device_time_ns, "ns"),
+      RTBUS_FIELD(T, step_index, "1"),       RTBUS_FIELD(T, contacts, "1"),
+      RTBUS_FIELD(T, mapping_epoch, "1")};
 };
 template <>
 struct SampleTraits<Heartbeat> {
   static constexpr std::string_view kName = "rtbus/Heartbeat";
   using T = Heartbeat;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, beats, "1"),
                                       RTBUS_FIELD(T, last_work_ns, "ns"),
                                       RTBUS_FIELD(T, work_period_ns, "ns"),
@@ -262,6 +303,7 @@ template <>
 struct SampleTraits<NodeInfo> {
   static constexpr std::string_view kName = "rtbus/NodeInfo";
   using T = NodeInfo;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, role, ""),
                                       RTBUS_FIELD(T, kind, ""),
                                       RTBUS_FIELD(T, method, ""),
@@ -282,6 +324,7 @@ template <>
 struct SampleTraits<LoopStats> {
   static constexpr std::string_view kName = "rtbus/LoopStats";
   using T = LoopStats;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, rate_hz, "Hz"),
                                       RTBUS_FIELD(T, achieved_hz, "Hz"),
                                       RTBUS_FIELD(T, wakeup_p50_us, "us"),
@@ -319,6 +362,7 @@ template <>
 struct SampleTraits<Telemetry> {
   static constexpr std::string_view kName = "rtbus/Telemetry";
   using T = Telemetry;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, tick, "1"),
                                       RTBUS_FIELD(T, due_ns, "ns"),
                                       RTBUS_FIELD(T, device_time_ns, "ns"),
@@ -329,7 +373,7 @@ struct SampleTraits<Telemetry> {
                                       RTBUS_FIELD(T, rendered_force_n, "N"),
                                       RTBUS_FIELD(T, force_n, "N"),
                                       RTBUS_FIELD(T, energy_absorbed_j, "J"),
-                                      RTBUS_FIELD(T, energy_ledger_j, "J"),
+                                      RTBUS_FIELD(T, energy_observed_j, "J"),
                                       RTBUS_FIELD(T, gate, "1"),
                                       RTBUS_FIELD(T, wakeup_us, "us"),
                                       RTBUS_FIELD(T, compute_us, "us"),
@@ -343,6 +387,7 @@ template <>
 struct SampleTraits<StepStats> {
   static constexpr std::string_view kName = "rtbus/StepStats";
   using T = StepStats;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{
       RTBUS_FIELD(T, rate_hz, "Hz"),     RTBUS_FIELD(T, achieved_hz, "Hz"), RTBUS_FIELD(T, step_p50_ms, "ms"),
       RTBUS_FIELD(T, step_p99_ms, "ms"), RTBUS_FIELD(T, step_max_ms, "ms"), RTBUS_FIELD(T, simulated_s, "s"),
@@ -353,6 +398,7 @@ template <>
 struct SampleTraits<BodyPoses> {
   static constexpr std::string_view kName = "rtbus/BodyPoses";
   using T = BodyPoses;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{
       RTBUS_FIELD(T, frame, "1"),      RTBUS_FIELD(T, step_index, "1"), RTBUS_FIELD(T, simulated_s, "s"),
       RTBUS_FIELD(T, first_body, "1"), RTBUS_FIELD(T, count, "1"),      RTBUS_FIELD(T, bodies, "1"),
@@ -362,6 +408,7 @@ template <>
 struct SampleTraits<SoftNodes> {
   static constexpr std::string_view kName = "rtbus/SoftNodes";
   using T = SoftNodes;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, frame, "1"),       RTBUS_FIELD(T, step_index, "1"),
                                       RTBUS_FIELD(T, simulated_s, "s"), RTBUS_FIELD(T, first_node, "1"),
                                       RTBUS_FIELD(T, count, "1"),       RTBUS_FIELD(T, nodes, "1"),
@@ -371,20 +418,22 @@ template <>
 struct SampleTraits<PlantCommand> {
   static constexpr std::string_view kName = "rtbus/PlantCommand";
   using T = PlantCommand;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, force_n, "N")};
 };
 template <>
 struct SampleTraits<PlantState> {
   static constexpr std::string_view kName = "rtbus/PlantState";
   using T = PlantState;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
   static constexpr std::array kFields{RTBUS_FIELD(T, position_m, "m"),          RTBUS_FIELD(T, true_position_m, "m"),
                                       RTBUS_FIELD(T, true_velocity_m_s, "m/s"), RTBUS_FIELD(T, applied_force_n, "N"),
                                       RTBUS_FIELD(T, hand_force_n, "N"),        RTBUS_FIELD(T, sample_time_ns, "ns"),
                                       RTBUS_FIELD(T, buttons, "bits"),          RTBUS_FIELD(T, timed_out, "bool")};
 };
 
-static_assert(sizeof(DeviceState) == 544 && Sample<DeviceState>);
-static_assert(sizeof(ProxyState) == 224 && Sample<ProxyState>);
+static_assert(sizeof(DeviceState) == 552 && Sample<DeviceState>);
+static_assert(sizeof(ProxyState) == 232 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 552 && Sample<NodeInfo>);
 static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);

@@ -1,8 +1,8 @@
 #pragma once
 /// @file node_log.hpp
-/// How a node speaks: to stderr, and never waiting for it. A pager that was paused, a pipe that nobody reads, a
-/// terminal with Ctrl-S would otherwise hold up the thread that speaks, and with it a heartbeat or the end of the node.
-/// What stderr does not take at once is dropped. Only main() files include this.
+/// Log output of a node: to stderr, without waiting for it. Otherwise a paused pager, a pipe without a reader, or a
+/// terminal with Ctrl-S would block the logging thread, and with it a heartbeat or the end of the node. What stderr
+/// does not take at once is dropped. Only main() files include this.
 #include <poll.h>
 #include <spdlog/sinks/ansicolor_sink.h>
 #include <spdlog/spdlog.h>

@@ -6,28 +6,14 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <utility>
 
 #include "rtbus/clock.hpp"
+#include "rtbus/private_folder.hpp"
 
 namespace rtbus {
 
 namespace {
-
-/// A folder that only this user may enter: $XDG_RUNTIME_DIR, else one of our own in /tmp. Empty when neither can be
-/// had.
-std::string private_folder() {
-  const auto mine = [](const char* path) {
-    struct stat info {};
-    return ::lstat(path, &info) == 0 && S_ISDIR(info.st_mode) && info.st_uid == ::geteuid() &&
-           (info.st_mode & 0077) == 0;
-  };
-  if (const char* runtime = std::getenv("XDG_RUNTIME_DIR"); runtime != nullptr && mine(runtime)) return runtime;
-  const std::string own = "/tmp/rtbus-" + std::to_string(::geteuid());
-  if (::mkdir(own.c_str(), 0700) != 0 && errno != EEXIST) return "";
-  return mine(own.c_str()) ? own : "";
-}
 
 std::string reason(const std::string& path) { return path + ": " + std::strerror(errno); }
 

@@ -4,7 +4,8 @@
 /// For comparison with the bus; every read and write is a system call, so it has no place in a realtime thread.
 ///
 /// Each packet is one Stamped<T> behind a header that names its type, shorter than PIPE_BUF, so that it arrives whole
-/// or not at all (POSIX, write()). Nothing that is read is trusted: a header that does not fit empties the pipe.
+/// or not at all (POSIX, write()). Nothing that is read is trusted: a header that does not fit empties the pipe, and a
+/// sample that is not sane is dropped.
 #include <unistd.h>
 
 #include <cstdint>
@@ -13,6 +14,7 @@
 
 #include "rtbus/result.hpp"
 #include "rtbus/sample.hpp"
+#include "rtbus/sane_sample.hpp"
 #include "rtbus/segment.hpp"
 
 namespace rtbus {
@@ -53,7 +55,10 @@ class PacketPipe {
         drain();
         return got;
       }
-      std::memcpy(&out, bytes + sizeof expected, sizeof out);
+      Stamped<T> packet;
+      std::memcpy(&packet, bytes + sizeof expected, sizeof packet);
+      if (!sane_stamp(packet.stamp_ns) || !sane(packet.value, packet.stamp_ns)) continue;
+      out = packet;
       got = true;
     }
     return got;

@@ -1,11 +1,12 @@
 #pragma once
 /// @file publication.hpp
-/// A writer for a realtime thread whose segment may be deleted under it.
+/// A writer for a realtime thread whose segment may be deleted, shortened or overwritten under it.
 ///
 /// Somebody removes files from /dev/shm: a hasty `rm`, systemd-logind with RemoveIPC=yes when the user's last session
-/// ends. The memory stays mapped in whoever has it, but no newcomer finds it. maintain() notices and makes the topic
-/// anew under its name; the realtime thread then writes both rings until the readers have had time to change over, so
-/// that nobody who looks every 20 ms misses anything:
+/// ends. The memory stays mapped in whoever has it, but no newcomer finds it. Or somebody shortens a file: its memory
+/// is gone (detail/mapping_guard.hpp). maintain() notices either and makes the topic anew under its name; the realtime
+/// thread then writes both rings until the readers have had time to change over, so that nobody who looks every 20 ms
+/// misses anything that is still to be had. A header that was overwritten is put back in place:
 ///
 ///     housekeeping: maintain()                       realtime: publish()
 ///     the name leads elsewhere? create fresh
@@ -67,9 +68,13 @@ class Publication {
   void maintain() noexcept {
     Core& core = *core_;
     const std::uint64_t now_ns = monotonic_ns();
-    if (core.outgoing != nullptr && !core.end_hand_over(now_ns)) return;
+    if (core.outgoing != nullptr && !core.end_hand_over(now_ns)) {
+      // One that nobody published into meanwhile may be replaced too.
+      if (!core.newest->replaced() || !core.withdraw()) return;
+    }
     if (!core.newest->replaced()) {
-      core.error.store(std::nullopt, std::memory_order_relaxed);
+      (void)core.newest->mend();
+      core.error.store(kNoError, std::memory_order_relaxed);
       return;
     }
     if (now_ns < core.retry_ns) return;
@@ -78,7 +83,7 @@ class Publication {
       core.retry_ns = now_ns + kRetry_ns;
       return;
     }
-    core.error.store(std::nullopt, std::memory_order_relaxed);
+    core.error.store(kNoError, std::memory_order_relaxed);
     core.outgoing = std::exchange(core.newest, fresh);
     core.adopted_ns = 0;
     core.let_go.store(false, std::memory_order_relaxed);
@@ -94,11 +99,13 @@ class Publication {
   [[nodiscard]] std::uint64_t renewals() const noexcept { return core_->renewals.load(std::memory_order_relaxed); }
   /// Why it could not be made anew at the last attempt; none: it could, or nothing has happened. Any thread.
   [[nodiscard]] std::optional<TopicError> last_error() const noexcept {
-    return core_->error.load(std::memory_order_relaxed);
+    const int error = core_->error.load(std::memory_order_relaxed);
+    return error == kNoError ? std::nullopt : std::optional(static_cast<TopicError>(error));
   }
   [[nodiscard]] const std::string& topic() const noexcept { return core_->topic; }
 
  private:
+  static constexpr int kNoError = -1;
   struct Core {
     Session session;
     std::string topic;
@@ -117,7 +124,7 @@ class Publication {
     std::atomic<Writer<T>*> retired{nullptr};
     std::atomic<bool> let_go{false};
     std::atomic<std::uint64_t> renewals{0};
-    std::atomic<std::optional<TopicError>> error{std::nullopt};
+    std::atomic<int> error{kNoError};  // a TopicError; an optional one is not lock-free with every compiler
 
     ~Core() {
       delete incoming.load(std::memory_order_acquire);
@@ -127,11 +134,21 @@ class Publication {
     }
 
     void adopt() noexcept RTBUS_NONBLOCKING {
+      Writer<T>* const fresh = incoming.exchange(nullptr, std::memory_order_acq_rel);
+      if (fresh == nullptr) return;  // withdrawn in this moment
       // former is empty: maintain() offers the next one only after the last hand-over has ended.
-      former = std::exchange(current, incoming.load(std::memory_order_acquire));
-      incoming.store(nullptr, std::memory_order_release);
+      former = std::exchange(current, fresh);
     }
     void part() noexcept RTBUS_NONBLOCKING { retired.store(std::exchange(former, nullptr), std::memory_order_release); }
+
+    /// Takes back the one that was offered. False: the realtime thread has it.
+    bool withdraw() noexcept {
+      Writer<T>* const untaken = incoming.exchange(nullptr, std::memory_order_acq_rel);
+      if (untaken == nullptr) return false;
+      delete untaken;
+      newest = std::exchange(outgoing, nullptr);
+      return true;
+    }
 
     /// False while the hand-over goes on.
     bool end_hand_over(std::uint64_t now_ns) noexcept {
@@ -148,11 +165,12 @@ class Publication {
 
     Writer<T>* make() noexcept {
       try {
+        newest->give_up_name();  // one whose file was shortened still has it, and the lock
         auto writer = Writer<T>::create(session, topic, options);
         if (writer) return new Writer<T>(std::move(*writer));
-        error.store(writer.error(), std::memory_order_relaxed);
+        error.store(static_cast<int>(writer.error()), std::memory_order_relaxed);
       } catch (...) {  // out of memory
-        error.store(TopicError::kSystem, std::memory_order_relaxed);
+        error.store(static_cast<int>(TopicError::kSystem), std::memory_order_relaxed);
       }
       return nullptr;
     }
@@ -176,7 +194,7 @@ struct RenewalCount {
   }
   /// One sentence. @realtime No.
   [[nodiscard]] std::string text() const {
-    std::string out = "somebody deleted topics from /dev/shm: " + std::to_string(renewed) + " made anew";
+    std::string out = "somebody deleted or shortened topics in /dev/shm: " + std::to_string(renewed) + " created again";
     if (why) {
       out += ", " + std::to_string(failing) + " could not be (" + to_string(*why) + "), tried again every second";
     }

@@ -22,10 +22,10 @@ namespace rtbus {
 
 /// What a thread that must be on time asks for.
 struct RealtimeRequest {
-  int priority = 80;            ///< SCHED_FIFO priority, 1…98; 99 stays with the kernel's own threads.
-  int core = -1;                ///< CPU to stay on; −1 chooses the last core this process may use.
-  bool lock_memory = true;      ///< mlockall(current and future).
-  bool hold_dma_latency = true; ///< Keep /dev/cpu_dma_latency at 0 µs: no deep CPU sleep, 6–7 times faster wake-up.
+  int priority = 80;             ///< SCHED_FIFO priority, 1…98; 99 stays with the kernel's own threads.
+  int core = -1;                 ///< CPU to stay on; −1 chooses the last core this process may use.
+  bool lock_memory = true;       ///< mlockall(current and future).
+  bool hold_dma_latency = true;  ///< Keep /dev/cpu_dma_latency at 0 µs: no deep CPU sleep, 6–7 times faster wake-up.
 };
 
 /// What was granted, read back from the kernel. Every refusal is a warning with its remedy.
@@ -64,13 +64,13 @@ class ThreadScheduling {
   bool cores_known_ = false;
 };
 
-/// Gives the calling thread a low SCHED_FIFO priority if this process may have one, so that a busy machine does not delay a
-/// sign of life. Nothing else changes; no warning, since nothing unsafe follows from a refusal.
+/// Gives the calling thread a low SCHED_FIFO priority if this process may have one, so that a busy machine does not
+/// delay a sign of life. Nothing else changes; no warning, since nothing unsafe follows from a refusal.
 /// @returns whether it was granted. @realtime No.
 bool prefer_on_time() noexcept;
 
-/// Keeps the calling thread off CPUs that a realtime loop uses, unless it would have none left. In `cores` −1 stands for
-/// the last CPU this thread may use, where a RealtimeRequest with core −1 goes. @returns whether it keeps off them.
+/// Keeps the calling thread off CPUs that a realtime loop uses, unless it would have none left. In `cores` −1 stands
+/// for the last CPU this thread may use, where a RealtimeRequest with core −1 goes. @returns whether it keeps off them.
 /// @realtime No.
 bool stay_off_cores(const std::vector<int>& cores) noexcept;
 

@@ -5,6 +5,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string_view>
 #include <type_traits>
 
@@ -26,11 +27,14 @@ enum class FieldType : std::uint8_t {
   switch (type) {
     case FieldType::kF64:
     case FieldType::kU64:
-    case FieldType::kI64: return 8;
+    case FieldType::kI64:
+      return 8;
     case FieldType::kU32:
-    case FieldType::kI32: return 4;
+    case FieldType::kI32:
+      return 4;
     case FieldType::kU8:
-    case FieldType::kText: return 1;
+    case FieldType::kText:
+      return 1;
   }
   return 0;
 }
@@ -42,41 +46,54 @@ struct Field {
   FieldType type;
   std::uint32_t offset;
   std::uint32_t count;
+  /// Elements of the last dimension of an array of arrays: 3 of 64 positions, whose count is 192. 1: no such shape.
+  std::uint32_t inner = 1;
 };
 
 namespace detail {
 
 template <class M>
-struct FieldShape;  // maps a member's C++ type to (FieldType, count)
+struct FieldShape;  // maps a member's C++ type to (FieldType, count, inner)
+template <FieldType kScalar>
+struct ScalarShape {
+  static constexpr FieldType kType = kScalar;
+  static constexpr std::uint32_t kCount = 1;
+  static constexpr std::uint32_t kInner = 1;
+};
 template <>
-struct FieldShape<double> { static constexpr FieldType kType = FieldType::kF64; static constexpr std::uint32_t kCount = 1; };
+struct FieldShape<double> : ScalarShape<FieldType::kF64> {};
 template <>
-struct FieldShape<std::uint64_t> { static constexpr FieldType kType = FieldType::kU64; static constexpr std::uint32_t kCount = 1; };
+struct FieldShape<std::uint64_t> : ScalarShape<FieldType::kU64> {};
 template <>
-struct FieldShape<std::int64_t> { static constexpr FieldType kType = FieldType::kI64; static constexpr std::uint32_t kCount = 1; };
+struct FieldShape<std::int64_t> : ScalarShape<FieldType::kI64> {};
 template <>
-struct FieldShape<std::uint32_t> { static constexpr FieldType kType = FieldType::kU32; static constexpr std::uint32_t kCount = 1; };
+struct FieldShape<std::uint32_t> : ScalarShape<FieldType::kU32> {};
 template <>
-struct FieldShape<std::int32_t> { static constexpr FieldType kType = FieldType::kI32; static constexpr std::uint32_t kCount = 1; };
+struct FieldShape<std::int32_t> : ScalarShape<FieldType::kI32> {};
 template <>
-struct FieldShape<std::uint8_t> { static constexpr FieldType kType = FieldType::kU8; static constexpr std::uint32_t kCount = 1; };
+struct FieldShape<std::uint8_t> : ScalarShape<FieldType::kU8> {};
 template <>
-struct FieldShape<char> { static constexpr FieldType kType = FieldType::kText; static constexpr std::uint32_t kCount = 1; };
+struct FieldShape<char> : ScalarShape<FieldType::kText> {};
 template <class E, std::size_t N>
 struct FieldShape<std::array<E, N>> {
   static constexpr FieldType kType = FieldShape<E>::kType;
   static constexpr std::uint32_t kCount = static_cast<std::uint32_t>(N) * FieldShape<E>::kCount;
+  static constexpr std::uint32_t kInner = FieldShape<E>::kInner > 1 ? FieldShape<E>::kInner : FieldShape<E>::kCount;
 };
 
 }  // namespace detail
 
 /// A row of SampleTraits<T>::kFields: name, type, count and offset come from the member itself.
+// (Version 14 of clang-format takes the angle brackets of a macro for comparisons.)
+// clang-format off
 #define RTBUS_FIELD(Type, member, unit)                                                          \
   ::rtbus::Field {                                                                               \
     #member, unit, ::rtbus::detail::FieldShape<decltype(Type::member)>::kType,                   \
         static_cast<std::uint32_t>(offsetof(Type, member)),                                      \
-        ::rtbus::detail::FieldShape<decltype(Type::member)>::kCount                              \
+        ::rtbus::detail::FieldShape<decltype(Type::member)>::kCount,                             \
+        ::rtbus::detail::FieldShape<decltype(Type::member)>::kInner                              \
   }
+// clang-format on
 
 /// Specialise for every sample: `static constexpr std::string_view kName` (at most 47 bytes) and
 /// `static constexpr std::array kFields{RTBUS_FIELD(…), …}`, in the order of the members.
@@ -109,12 +126,14 @@ constexpr std::uint64_t fnv1a(std::uint64_t number, std::uint64_t hash) noexcept
 }  // namespace detail
 
 /// Trivially copyable, pointer-free, a multiple of 8 bytes, every byte described by a field.
+// clang-format off
 template <class T>
-concept Sample = std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> && std::is_default_constructible_v<T> &&
-                 sizeof(T) % 8 == 0 && alignof(T) <= 8 && requires {
+concept Sample = std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> &&
+                 std::is_default_constructible_v<T> && sizeof(T) % 8 == 0 && alignof(T) <= 8 && requires {
                    SampleTraits<T>::kName;
                    SampleTraits<T>::kFields;
                  } && detail::fields_tile_sample<T>();
+// clang-format on
 
 /// Consecutive fields of a sample that are the columns of one table: arrays of `rows` entries, of which the first ones
 /// carry something, as many as the u32 at `count_offset` says. A reader may leave out the others.
@@ -126,10 +145,10 @@ struct Table {
 };
 
 /// A row of SampleTraits<T>::kTables.
-#define RTBUS_TABLE(Type, count, first, last, rows)                                                        \
-  ::rtbus::Table {                                                                                         \
-    static_cast<std::uint32_t>(offsetof(Type, count)), static_cast<std::uint32_t>(offsetof(Type, first)),  \
-        static_cast<std::uint32_t>(offsetof(Type, last) + sizeof(Type::last)), rows                        \
+#define RTBUS_TABLE(Type, count, first, last, rows)                                                       \
+  ::rtbus::Table {                                                                                        \
+    static_cast<std::uint32_t>(offsetof(Type, count)), static_cast<std::uint32_t>(offsetof(Type, first)), \
+        static_cast<std::uint32_t>(offsetof(Type, last) + sizeof(Type::last)), rows                       \
   }
 
 namespace detail {
@@ -190,14 +209,15 @@ consteval auto columns_of() {
 
 /// A sample that is a head and tables.
 template <class T>
-concept TabularSample = Sample<T> && requires { SampleTraits<T>::kTables; } && detail::tables_fit_sample<T>();
+concept TabularSample = Sample<T> && requires {
+  SampleTraits<T>::kTables;
+} && detail::tables_fit_sample<T>();
 
-/// Changes whenever name, size or any field of T changes; both ends of a topic compare it.
-template <Sample T>
-consteval std::uint64_t type_hash() {
-  std::uint64_t hash = detail::fnv1a(SampleTraits<T>::kName, 0xcbf29ce484222325ULL);
-  hash = detail::fnv1a(sizeof(T), hash);
-  for (const Field& field : SampleTraits<T>::kFields) {
+/// Of a type that is known by its description only.
+constexpr std::uint64_t type_hash(std::string_view name, std::uint32_t bytes, std::span<const Field> fields) noexcept {
+  std::uint64_t hash = detail::fnv1a(name, 0xcbf29ce484222325ULL);
+  hash = detail::fnv1a(bytes, hash);
+  for (const Field& field : fields) {
     hash = detail::fnv1a(field.name, hash);
     hash = detail::fnv1a(field.unit, hash);
     hash = detail::fnv1a(static_cast<std::uint64_t>(field.type), hash);
@@ -207,10 +227,16 @@ consteval std::uint64_t type_hash() {
   return hash;
 }
 
+/// Changes whenever name, size or any field of T changes; both ends of a topic compare it.
+template <Sample T>
+consteval std::uint64_t type_hash() {
+  return type_hash(SampleTraits<T>::kName, sizeof(T), SampleTraits<T>::kFields);
+}
+
 /// A sample as it comes off a topic.
 template <class T>
 struct Stamped {
-  std::uint64_t sequence = 0;  ///< Number of this sample in its topic, from 1; goes on counting when a new writer takes over.
+  std::uint64_t sequence = 0;  ///< Number of this sample in its topic, from 1; a new writer goes on counting.
   std::uint64_t stamp_ns = 0;  ///< CLOCK_MONOTONIC at publish, as given by the writer [ns].
   T value{};
 };

@@ -90,12 +90,19 @@ class Segment {
   [[nodiscard]] bool writer_alive()
       const noexcept;                            ///< Somebody holds the writer's lock; true on the writer's own end.
   [[nodiscard]] bool observed() const noexcept;  ///< Another open end holds a presence lock.
-  [[nodiscard]] bool replaced() const noexcept;  ///< The name leads to another segment, or to none.
+  /// The topic is gone from here: its name leads to another segment or to none, or the file has another length or
+  /// holes.
+  [[nodiscard]] bool replaced() const noexcept;
   [[nodiscard]] std::size_t bytes() const noexcept;         ///< Size of the file.
   [[nodiscard]] std::uint32_t writer_pid() const noexcept;  ///< As the writer wrote it: for people, not for decisions.
   [[nodiscard]] std::uint32_t epoch() const noexcept;       ///< Writers this segment has had, from 1.
   [[nodiscard]] std::uint64_t writer_start_ns() const noexcept;  ///< CLOCK_MONOTONIC when the present writer took it.
   [[nodiscard]] uid_t owner() const noexcept;                    ///< User the file belonged to when it was opened.
+
+  /// Writer's end: puts the header back as it was made, if somebody has changed it; true when that was needed. `newest`
+  /// and the slots are not touched: the next publish makes them right.
+  bool mend() noexcept;
+  void give_up_name() noexcept;  ///< Writer's end: removes the name if it still leads here, as the destructor does.
 
   void ring_doorbell() noexcept;  ///< Writer's end: wakes sleepers; a system call only when there are any.
   /// Reader's end: sleeps until a sample after `sequence` is complete (true) or `deadline_ns` passes (false).
@@ -108,6 +115,7 @@ class Segment {
     FieldType type = FieldType::kF64;
     std::uint32_t offset = 0;
     std::uint32_t count = 0;
+    std::uint32_t inner = 1;  ///< As Field::inner.
   };
   /// What the header says about the topic, copied out and checked: sizes agree with each other and with the file,
   /// fields lie within the sample, texts are printable.

@@ -1,6 +1,6 @@
 #pragma once
 /// @file subscription.hpp
-/// A reader for a realtime thread whose writer comes and goes.
+/// A reader for a realtime thread, which follows a writer that ends and returns.
 ///
 /// The realtime thread only copies samples. Everything that needs the kernel (finding the topic, mapping it, noticing
 /// that it was replaced) happens in maintain(), which one housekeeping thread calls about every 20 ms. Between them:
@@ -11,8 +11,8 @@
 ///                                                    current_ = incoming_ taken (acquire)
 ///     deletes it next time ◄── retired_ (release)    old current_ ──► retired_
 ///
-/// Each cell has one thread that fills it and one that empties it, so nobody waits and nothing is allocated or freed by
-/// the realtime thread. A Reader is destroyed only by the housekeeping thread, after the realtime thread gave it back;
+/// Each cell has one thread that fills it and one that empties it. So neither waits, and the realtime thread allocates
+/// and frees nothing. A Reader is destroyed only by the housekeeping thread, after the realtime thread gave it back;
 /// until then maintain() may ask the kernel about it (another part of the object than the one read_latest() uses).
 #include <atomic>
 #include <memory>
@@ -45,9 +45,7 @@ class Subscription {
     return current_ != nullptr ? current_->read_latest(out) : ReadStatus::kDetached;
   }
   /// As Reader::read_latest_rows does; likewise. @realtime Yes, wait-free.
-  [[nodiscard]] ReadStatus read_latest_rows(Stamped<T>& out) noexcept RTBUS_NONBLOCKING
-    requires TabularSample<T>
-  {
+  [[nodiscard]] ReadStatus read_latest_rows(Stamped<T>& out) noexcept RTBUS_NONBLOCKING requires TabularSample<T> {
     adopt();
     return current_ != nullptr ? current_->read_latest_rows(out) : ReadStatus::kDetached;
   }
@@ -92,6 +90,10 @@ class Subscription {
   [[nodiscard]] std::uint64_t missed() const noexcept RTBUS_NONBLOCKING {
     return missed_before_ + (current_ != nullptr ? current_->missed() : 0);
   }
+  /// Samples that were not sane (sane_sample.hpp), in all segments. Reading thread. @realtime Yes.
+  [[nodiscard]] std::uint64_t refused() const noexcept RTBUS_NONBLOCKING {
+    return refused_before_ + (current_ != nullptr ? current_->refused() : 0);
+  }
   /// Why the last attempt to open failed; kNotFound before the first. Any thread.
   [[nodiscard]] TopicError last_error() const noexcept { return error_.load(std::memory_order_relaxed); }
   [[nodiscard]] const std::string& topic() const noexcept { return topic_; }
@@ -103,7 +105,8 @@ class Subscription {
     if (retired_.load(std::memory_order_relaxed) != nullptr) return;
     Reader<T>* const fresh = incoming_.exchange(nullptr, std::memory_order_acquire);
     if (fresh == nullptr) return;  // withdrawn in between
-    if (current_ != nullptr) missed_before_ += current_->missed();
+    missed_before_ = missed();
+    refused_before_ = refused();
     retired_.store(current_, std::memory_order_release);
     current_ = fresh;
   }
@@ -119,9 +122,10 @@ class Subscription {
   Session session_;
   std::string topic_;
   ReaderOptions options_;
-  Reader<T>* newest_ = nullptr;      ///< Housekeeping: the last one opened; it sits in incoming_ or current_.
-  Reader<T>* current_ = nullptr;     ///< Realtime: the one in use.
-  std::uint64_t missed_before_ = 0;  ///< Realtime: by the readers before it.
+  Reader<T>* newest_ = nullptr;       ///< Housekeeping: the last one opened; it sits in incoming_ or current_.
+  Reader<T>* current_ = nullptr;      ///< Realtime: the one in use.
+  std::uint64_t missed_before_ = 0;   ///< Realtime: by the readers before it.
+  std::uint64_t refused_before_ = 0;  ///< Likewise.
   std::atomic<Reader<T>*> incoming_{nullptr};
   std::atomic<Reader<T>*> retired_{nullptr};
   std::atomic<bool> attached_{false};

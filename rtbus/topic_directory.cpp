@@ -114,7 +114,8 @@ RawReader::RawReader(Segment segment, const ReaderOptions& options)
     : segment_(std::move(segment)),
       ring_(segment_.ring()),
       sample_(segment_.description().sample_bytes / 8),
-      scratch_(sample_.size()) {
+      scratch_(sample_.size()),
+      sane_(rules_of(segment_.description().type_hash, segment_.description().sample_bytes)) {
   ring_.start(options.from_oldest);
 }
 
@@ -131,13 +132,24 @@ ReadStatus RawReader::take(detail::RingRead read) noexcept {
       return ReadStatus::kFresh;
     case detail::RingRead::kSame:
       return ReadStatus::kSame;
+    case detail::RingRead::kRefused:
+      return ReadStatus::kRefused;
     case detail::RingRead::kLapped:
       break;
   }
   return ReadStatus::kLapped;
 }
-ReadStatus RawReader::read_latest() noexcept { return take(ring_.read_latest(scratch_.data(), sequence_, stamp_ns_)); }
-ReadStatus RawReader::read_next() noexcept { return take(ring_.read_next(scratch_.data(), sequence_, stamp_ns_)); }
+bool RawReader::believes(const void* sample, std::uint64_t stamp_ns) noexcept {
+  return sane_ == nullptr || (stamp_ns >= stamp_ns_ && sane_stamp(stamp_ns) && sane_(sample, stamp_ns));
+}
+ReadStatus RawReader::read_latest() noexcept {
+  const auto judge = [this](const void* sample, std::uint64_t stamp_ns) { return believes(sample, stamp_ns); };
+  return take(ring_.read_latest(scratch_.data(), sequence_, stamp_ns_, judge));
+}
+ReadStatus RawReader::read_next() noexcept {
+  const auto judge = [this](const void* sample, std::uint64_t stamp_ns) { return believes(sample, stamp_ns); };
+  return take(detail::pass_over_refused([&] { return ring_.read_next(scratch_.data(), sequence_, stamp_ns_, judge); }));
+}
 std::span<const std::byte> RawReader::bytes() const noexcept { return std::as_bytes(std::span(sample_)); }
 
 std::uint32_t field_elements(const Segment::OwnedField& field) noexcept {

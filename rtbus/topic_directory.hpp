@@ -42,6 +42,7 @@ struct TopicInfo {
 /// listed with their problem.
 [[nodiscard]] std::vector<TopicInfo> list_topics(std::optional<std::string_view> session = std::nullopt);
 
+/// What remove_dead() has removed.
 struct RemovedTopics {
   std::vector<std::string> names;  ///< Segment names, as in /dev/shm.
   std::uint64_t bytes = 0;
@@ -67,6 +68,7 @@ class RawReader {
   [[nodiscard]] std::uint64_t sequence() const noexcept { return sequence_; }
   [[nodiscard]] std::uint64_t stamp_ns() const noexcept { return stamp_ns_; }
   [[nodiscard]] std::uint64_t missed() const noexcept { return ring_.missed(); }
+  [[nodiscard]] std::uint64_t refused() const noexcept { return ring_.refused(); }  ///< As Reader::refused().
 
   [[nodiscard]] bool wait(std::uint64_t deadline_ns) noexcept {
     return segment_.wait_newer_than(ring_.last_sequence(), deadline_ns);
@@ -79,11 +81,13 @@ class RawReader {
  private:
   RawReader(Segment segment, const ReaderOptions& options);
   ReadStatus take(detail::RingRead read) noexcept;
+  [[nodiscard]] bool believes(const void* sample, std::uint64_t stamp_ns) noexcept;
 
   Segment segment_;
   detail::RingReader ring_;
   std::vector<std::uint64_t> sample_;   ///< The last good one.
   std::vector<std::uint64_t> scratch_;  ///< Where a copy is made before it is known to be good.
+  SaneBytes sane_ = nullptr;            ///< Null: the type is none of the bus's own.
   std::uint64_t sequence_ = 0;
   std::uint64_t stamp_ns_ = 0;
 };

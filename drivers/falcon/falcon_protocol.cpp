@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "drivers/falcon/serial_line.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace drivers::falcon {
 namespace {
@@ -305,9 +306,8 @@ bool FalconProtocol::accept(const DeviceFrame& frame, std::uint64_t now_ns, Devi
   }
   homed_ = frame.homed;
   accepted_ns_ = now_ns;
-  const Eigen::Vector3d p_DT = position_m_ - settings_.centre_m;
   out = DeviceSample{};
-  out.position_m = {p_DT.x(), p_DT.y(), p_DT.z()};
+  out.position_m = rtbus::array_of(Eigen::Vector3d(position_m_ - settings_.centre_m));
   out.buttons = frame.buttons;
   out.time_ns = now_ns;
   ++counters_.exchanges;

@@ -6,6 +6,7 @@
 
 #include "drivers/falcon/boot_stream.hpp"
 #include "drivers/falcon/falcon_config.hpp"
+#include "rtbus/config/vector3.hpp"
 
 namespace drivers::falcon {
 namespace {
@@ -55,11 +56,10 @@ void parse_geometry(Map& file, FalconSettings& settings) {
   for (const Geometry& geometry : geometries()) {
     if (geometry.name == name) settings.geometry = geometry;
   }
-  constexpr double kDegree = std::numbers::pi / 180.0;
-  const double zero_deg = settings.geometry.zero_angle_rad / kDegree;
-  settings.geometry.zero_angle_rad = file.number("zero_angle_deg", {20.0, 60.0}, zero_deg) * kDegree;
-  const std::vector<double> centre = file.numbers("centre_m", 3, {-0.05, 0.2}, {0.0, 0.0, 0.120});
-  settings.centre_m = {centre[0], centre[1], centre[2]};
+  constexpr double kRadPerDegree = std::numbers::pi / 180.0;
+  const double zero_deg = settings.geometry.zero_angle_rad / kRadPerDegree;
+  settings.geometry.zero_angle_rad = file.number("zero_angle_deg", {20.0, 60.0}, zero_deg) * kRadPerDegree;
+  settings.centre_m = rtbus::config::read_vector3(file, "centre_m", {-0.05, 0.2}, {0.0, 0.0, 0.120});
   const Kinematics kinematics(settings.geometry);
   if (!kinematics.inverse_rad(settings.centre_m)) {
     file.fail("centre_m", "is out of the grip's reach; choose z between 0.09 and 0.16");

@@ -1,20 +1,20 @@
 #pragma once
 /// @file homing.hpp
-/// Does the arm know where it is? The counters are zero at power-up in whatever pose the arm happens to be, the
-/// device's calibration button zeroes them again, and nothing on the wire says which of it was done. With a wrong zero
-/// every force points elsewhere; so none is given until there is a reason to believe the counters:
+/// Homing of the arm. The counters are zero at power-up in any pose, and the calibration button sets them to zero
+/// again; the protocol does not tell which of the two happened. With a wrong zero every force has a wrong direction. So
+/// there is no force until the counters are confirmed:
 ///
 /// - `at_start`: the user states that the arm was plugged in (or its button pressed) in the home pose and is held there
-///   at start. Checked: all three counters are near zero for 0.3 s. Where they are not, the two statements contradict
-///   each other, and forces wait until the arm is brought home.
+///   at start. Checked: all three counters are near zero for 0.3 s. Otherwise there is no force until the arm is
+///   brought home.
 /// - `button`: the user presses the button with the arm at home. Seen as all counters jumping to zero within one
 ///   exchange, faster than an arm can move, and staying there for 0.3 s.
 /// - `counters`: the user states that the unit was calibrated since power-up and its counters are true wherever the arm
 ///   is now. Not checked; for restarts of the software.
 ///
-/// Each statement is about the start. Once the connection was lost the board may have been without power: then the
-/// counters are believed only if they go on where they stopped, away from zero; else the button must be pressed. The
-/// same after a jump of the counters, and after a pose that the linkage cannot have.
+/// Each statement is about the start. After a loss of the connection the board may have been without power. Its
+/// counters are then accepted only if they continue where they stopped, away from zero; otherwise the button must be
+/// pressed. The same holds after a jump of the counters, and after an impossible pose.
 ///
 /// One thread; realtime-safe but for remedy().
 #include <array>
@@ -33,7 +33,7 @@ class Homing {
  public:
   /// Held near zero for so long means: at home.
   static constexpr std::uint64_t kHoldNs = 300'000'000;
-  /// Impossible poses in a row that end the belief in the counters.
+  /// Impossible poses in a row after which the counters are no longer accepted.
   static constexpr int kImpossiblePoses = 20;
 
   /// @param tolerance_rad Per joint, around the home pose.

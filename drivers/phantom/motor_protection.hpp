@@ -1,7 +1,7 @@
 #pragma once
 /// @file motor_protection.hpp
-/// Keeps the motors whole: the firmware passes up to 6 A, five times what an RE25 bears for ever (1.24 A), and measures
-/// no temperature. The host must therefore keep count of the heat (I²t).
+/// Protects the motors from heat. The firmware passes up to 6 A, five times the continuous current of an RE25 (1.24 A),
+/// and measures no temperature. So the host computes the heat (I²t).
 ///
 /// Each motor has x, the square of its current behind a first-order lag of the winding's time constant: the winding's
 /// rise over its housing. Up to 80 % of continuous² the peak is free; from there to 100 % the largest allowed current

@@ -16,10 +16,9 @@ using rtbus::Failure;
 using usb::UsbStatus;
 using Outcome = rtbus::Result<void, DeviceFault>;
 
-constexpr std::uint64_t kMs = rtbus::kNsPerMs;
-constexpr std::uint64_t kAnswerNs = 20 * kMs;
-constexpr std::uint64_t kQuietNs = 10 * kMs;
-constexpr std::uint64_t kDrainNs = 300 * kMs;
+constexpr std::uint64_t kAnswerNs = 20 * rtbus::kNsPerMs;
+constexpr std::uint64_t kQuietNs = 10 * rtbus::kNsPerMs;
+constexpr std::uint64_t kDrainNs = 300 * rtbus::kNsPerMs;
 constexpr int kProbes = 6;
 
 Failure<DeviceFault> failed(const std::string& text) { return Failure{DeviceFault{"the device " + text}}; }
@@ -54,8 +53,8 @@ Outcome PhantomProtocol::set_line(usb::Channel& channel) {
   constexpr std::array<std::uint8_t, 7> kCoding{0x00, 0xC2, 0x01, 0x00, 0x00, 0x00, 0x08};
   const usb::Setup coding{0x21, 0x20, 0x0000, 0};
   const usb::Setup state{0x21, 0x22, 0x0003, 0};  // DTR and RTS
-  UsbStatus status = channel.control_out(coding, kCoding, channel.now_ns() + 500 * kMs);
-  if (status == UsbStatus::kOk) status = channel.control_out(state, {}, channel.now_ns() + 500 * kMs);
+  UsbStatus status = channel.control_out(coding, kCoding, channel.now_ns() + 500 * rtbus::kNsPerMs);
+  if (status == UsbStatus::kOk) status = channel.control_out(state, {}, channel.now_ns() + 500 * rtbus::kNsPerMs);
   switch (status) {
     case UsbStatus::kOk:
       return {};

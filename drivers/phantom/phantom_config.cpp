@@ -7,7 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/usb/open_options.hpp"
+#include "drivers/usb_host/open_options.hpp"
+#include "rtbus/config/vector3.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace drivers::phantom {
 namespace {
@@ -15,9 +17,8 @@ namespace {
 using rtbus::config::Map;
 using rtbus::config::Range;
 
-std::array<double, 3> three(Map& map, std::string_view key, Range range, const std::array<double, 3>& fallback) {
-  const std::vector<double> v = map.numbers(key, 3, range, {fallback[0], fallback[1], fallback[2]});
-  return {v[0], v[1], v[2]};
+Vec3 three(Map& map, std::string_view key, Range range, const Vec3& fallback) {
+  return rtbus::array_of(rtbus::config::read_vector3(map, key, range, rtbus::vector_of(fallback)));
 }
 
 Model parse_model(Map& file) {
@@ -119,10 +120,10 @@ PhantomFile read_file(Map& file) {
   return out;
 }
 
-std::unique_ptr<DeviceConfig> parse(Map& file) {
+std::unique_ptr<DeviceConfig> parse(Map& file, const virtual_usb::Kind* virtual_kind) {
   PhantomFile read = read_file(file);
   const bool any = file.boolean("probe_any_teensy", false);
-  usb::OpenOptions options = usb::parse_open_options(file, "phantom");
+  usb::OpenOptions options = usb::parse_open_options(file, virtual_kind);
   if (options.serial.empty() && !any && !options.virtual_device) {
     file.fail("serial",
               "is missing: every Teensy program has the USB ids of these arms, and a probe makes an unknown one "
@@ -131,7 +132,7 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
   read.info.serial = options.serial;
   usb::IoSettings io;
   io.info = read.info;
-  io.fetch_first = read.fetch_first;
+  if (read.fetch_first) io.order = usb::ExchangeOrder::kFetchFirst;
   io.reply_timeout_s = static_cast<double>(PhantomProtocol::kReplyLostNs) * 1e-9;
   // Interface 0 is the serial line's control, 1 its data. PJRC's shared id.
   usb::DeviceMatch match{kVendorId, kProductId, options.serial, {0, 1}};

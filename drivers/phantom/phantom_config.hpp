@@ -4,8 +4,9 @@
 /// config/devices/vintage_phantom.yaml.
 #include <memory>
 
+#include "drivers/device_config.hpp"
 #include "drivers/phantom/phantom_protocol.hpp"
-#include "drivers/registry.hpp"
+#include "drivers/virtual_usb/kind.hpp"
 #include "rtbus/config/document.hpp"
 
 namespace drivers::phantom {
@@ -23,8 +24,9 @@ struct PhantomFile {
 /// Reads the driver's own keys. Throws rtbus::config::Error.
 [[nodiscard]] PhantomFile read_file(rtbus::config::Map& file);
 
-/// Reads what follows `schema` and `driver` in a device file. Throws rtbus::config::Error.
-[[nodiscard]] std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file);
+/// Reads what follows `schema` and `driver` in a device file; see usb::parse_open_options(). Throws
+/// rtbus::config::Error.
+[[nodiscard]] std::unique_ptr<DeviceConfig> parse(rtbus::config::Map& file, const virtual_usb::Kind* virtual_kind);
 
 /// How the board on this channel is; see PhantomProtocol::inspect().
 [[nodiscard]] usb::Inspection inspect(usb::Channel& channel);

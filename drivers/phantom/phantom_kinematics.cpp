@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "rtbus/eigen.hpp"
+
 namespace drivers::phantom {
 namespace {
 
@@ -124,7 +126,7 @@ bool Kinematics::five_bar(const JointAngles& q, ArmPose& out) const noexcept {
 }
 
 bool Kinematics::inverse(const Vector3d& position_m, JointAngles& out) const noexcept RTBUS_NONBLOCKING {
-  const Vector3d tip = to_maker(position_m) + Vector3d(model_.origin_m[0], model_.origin_m[1], model_.origin_m[2]);
+  const Vector3d tip = to_maker(position_m) + rtbus::vector_of(model_.origin_m);
   const double radius_m = std::hypot(tip.x(), tip.y());
   if (!(radius_m > 0.0)) return false;
   JointAngles q;

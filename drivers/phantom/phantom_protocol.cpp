@@ -13,9 +13,8 @@ namespace {
 using usb::ExchangeStatus;
 using usb::UsbStatus;
 
-constexpr std::uint64_t kMs = rtbus::kNsPerMs;
 // Where two answers may be under way, the newer one is waited for so long.
-constexpr std::uint64_t kGraceNs = 1 * kMs;
+constexpr std::uint64_t kGraceNs = 1 * rtbus::kNsPerMs;
 // A device that stalls each time must not keep the thread busy until its deadline.
 constexpr int kMostFailedReads = 8;
 // So many answers of another model: the device was exchanged.
@@ -204,15 +203,17 @@ void PhantomProtocol::shut_down(usb::Channel& channel) noexcept {
   withhold_ = true;
   connected_ = false;
   // An answer may be under way; the zero must not meet its command in the device.
-  if (owed_) (void)next_reply(channel, begin_ns + 10 * kMs);
+  if (owed_) (void)next_reply(channel, begin_ns + 10 * rtbus::kNsPerMs);
   for (int i = 0; i < 2; ++i) {
     const std::uint64_t now_ns = channel.now_ns();
-    if (transmit(channel, {0, 0, 0}, now_ns + 10 * kMs) != UsbStatus::kOk) break;
-    if (next_reply(channel, channel.now_ns() + 10 * kMs) == Got::kReply && (reply_.errors & kCommandErrors) == 0) break;
+    if (transmit(channel, {0, 0, 0}, now_ns + 10 * rtbus::kNsPerMs) != UsbStatus::kOk) break;
+    if (next_reply(channel, channel.now_ns() + 10 * rtbus::kNsPerMs) == Got::kReply &&
+        (reply_.errors & kCommandErrors) == 0)
+      break;
   }
   owed_ = false;
   const usb::Setup line_state{0x21, 0x22, 0x0000, 0};
-  (void)channel.control_out(line_state, {}, channel.now_ns() + 10 * kMs);
+  (void)channel.control_out(line_state, {}, channel.now_ns() + 10 * rtbus::kNsPerMs);
 }
 
 usb::Readiness PhantomProtocol::readiness() const noexcept {

@@ -17,6 +17,9 @@ namespace {
 using rtbus::recording::RecordedTopic;
 using rtbus::recording::Recording;
 
+/// The file may hold anything: what does not fit the buttons is none.
+constexpr double kMostButtons = std::numeric_limits<std::uint32_t>::max();
+
 struct Settings {
   std::string file;
   std::string topic;  ///< Empty: the only one of type rtbus/DeviceState.
@@ -71,7 +74,7 @@ rtbus::Result<Motion, DeviceFault> load(const Settings& settings) {
     sample.time_ns = times[i];
     for (std::size_t k = 0; k < 3; ++k) sample.position_m[k] = position[k][i];
     for (std::size_t k = 0; k < 4; ++k) sample.orientation_wxyz[k] = orientation[k][i];
-    sample.buttons = static_cast<std::uint32_t>(buttons[i]);
+    sample.buttons = buttons[i] >= 0.0 && buttons[i] <= kMostButtons ? static_cast<std::uint32_t>(buttons[i]) : 0;
     motion.push_back(sample);
   }
   if (motion.size() < 2) {

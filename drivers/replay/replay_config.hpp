@@ -1,9 +1,10 @@
 #pragma once
 /// @file replay_config.hpp
-/// `driver: replay`: the hand's motion comes from a recording, so that force laws are compared on the same motion.
+/// `driver: replay`: the hand's motion comes from a recording, so that methods are compared on the same motion.
 #include <memory>
 
-#include "drivers/registry.hpp"
+#include "drivers/device_config.hpp"
+#include "rtbus/config/document.hpp"
 
 namespace drivers::replay {
 

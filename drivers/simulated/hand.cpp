@@ -82,6 +82,25 @@ Hand::Hand(HandMotion motion, const HandImpedance& impedance, std::vector<Button
   }
 }
 
+std::vector<Waypoint> Hand::turning_points() const {
+  struct Points {
+    std::vector<Waypoint> operator()(const NoHand&) const { return {}; }
+    std::vector<Waypoint> operator()(const HoldMotion& hold) const { return {{0.0, hold.position_m}}; }
+    std::vector<Waypoint> operator()(const PushMotion& push) const {
+      return {{push.start_s, push.start_m},
+              {push.start_s + push.distance_m / push.speed_m_s, push.start_m + push.distance_m * push.direction}};
+    }
+    std::vector<Waypoint> operator()(const SinusoidMotion& sinusoid) const {
+      const double quarter_s = 0.25 / sinusoid.frequency_hz;
+      return {{sinusoid.ramp_s + quarter_s, sinusoid.centre_m + sinusoid.amplitude_m},
+              {sinusoid.ramp_s + 3.0 * quarter_s, sinusoid.centre_m - sinusoid.amplitude_m}};
+    }
+    std::vector<Waypoint> operator()(const DropMotion& drop) const { return {{0.0, drop.position_m}}; }
+    std::vector<Waypoint> operator()(const WaypointPath& path) const { return path.points(); }
+  };
+  return std::visit(Points{}, motion_);
+}
+
 HandTarget Hand::at(std::uint64_t elapsed_ns) const noexcept RTBUS_NONBLOCKING {
   const double time_s = static_cast<double>(elapsed_ns) * 1e-9;
   return std::visit([time_s](const auto& motion) { return target(motion, time_s); }, motion_);

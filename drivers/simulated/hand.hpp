@@ -85,6 +85,10 @@ class Hand {
 
   [[nodiscard]] const HandImpedance& impedance() const noexcept RTBUS_NONBLOCKING { return impedance_; }
 
+  /// Where the script turns or ends: between these points it goes nowhere else, but for a smooth table's small
+  /// overshoot.
+  [[nodiscard]] std::vector<Waypoint> turning_points() const;
+
   /// The target `elapsed_ns` after the script began. @realtime Yes.
   [[nodiscard]] HandTarget at(std::uint64_t elapsed_ns) const noexcept RTBUS_NONBLOCKING;
 

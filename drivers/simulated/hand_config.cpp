@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "drivers/simulated/simulated_config.hpp"
+#include "rtbus/config/vector3.hpp"
 
 namespace drivers::simulated {
 namespace {
@@ -20,8 +21,7 @@ constexpr HandImpedance kNormal{300.0, 3.0, 0.08, 10.0};
 constexpr HandImpedance kFirm{700.0, 6.0, 0.15, 20.0};
 
 Eigen::Vector3d point(Map& map, std::string_view key, Range range = kPoint) {
-  const std::vector<double> v = map.numbers(key, 3, range);
-  return {v[0], v[1], v[2]};
+  return rtbus::config::read_vector3(map, key, range);
 }
 
 HandImpedance parse_impedance(Map& map) {

@@ -5,22 +5,18 @@
 #include <string>
 #include <vector>
 
-#include "drivers/simulated/vector.hpp"
+#include "rtbus/config/vector3.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace drivers::simulated {
 namespace {
 
 using rtbus::config::Map;
-using rtbus::config::Range;
+using rtbus::config::read_vector3;
 
 // Of the plant's friction, what DeviceInfo promises. Stability limits are computed from the promise, so it has to hold
 // for a mechanism whose friction varies with pose and wear, as a real one's does.
 constexpr double kPromisedFriction = 0.8;
-
-Eigen::Vector3d vector(Map& map, std::string_view key, Range range, const Eigen::Vector3d& fallback) {
-  const std::vector<double> v = map.numbers(key, 3, range, {fallback.x(), fallback.y(), fallback.z()});
-  return {v[0], v[1], v[2]};
-}
 
 }  // namespace
 
@@ -37,8 +33,8 @@ void parse_limits(Map& map, MechanicsParameters& m, DeviceInfo& info) {
   info.max_slew_n_per_ms = map.number("max_slew_n_per_ms", {0.01, 100.0}, info.max_slew_n_per_ms);
   info.max_stiffness_n_per_m = map.number("max_stiffness_n_per_m", {1.0, 20000.0}, info.max_stiffness_n_per_m);
   info.max_speed_m_s = map.number("max_speed_m_s", {0.05, 20.0}, info.max_speed_m_s);
-  m.workspace_min_m = vector(map, "workspace_min_m", {-2.0, 2.0}, m.workspace_min_m);
-  m.workspace_max_m = vector(map, "workspace_max_m", {-2.0, 2.0}, m.workspace_max_m);
+  m.workspace_min_m = read_vector3(map, "workspace_min_m", {-2.0, 2.0}, m.workspace_min_m);
+  m.workspace_max_m = read_vector3(map, "workspace_max_m", {-2.0, 2.0}, m.workspace_max_m);
   if ((m.workspace_min_m.array() >= m.workspace_max_m.array()).any()) {
     map.fail("workspace_max_m", "is not above limits.workspace_min_m on every axis; raise it");
   }
@@ -56,8 +52,8 @@ void complete_info(const MechanicsParameters& m, DeviceInfo& info) {
   info.apparent_mass_kg = m.mass_kg;
   info.viscous_damping_n_s_per_m = kPromisedFriction * m.viscous_n_s_per_m;
   info.coulomb_friction_n = kPromisedFriction * m.coulomb_n;
-  info.workspace_min_m = to_array(m.workspace_min_m);
-  info.workspace_max_m = to_array(m.workspace_max_m);
+  info.workspace_min_m = rtbus::array_of(m.workspace_min_m);
+  info.workspace_max_m = rtbus::array_of(m.workspace_max_m);
   info.can_pace_loop = true;
   info.simulated = true;
 }

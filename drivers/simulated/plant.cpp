@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "drivers/simulated/vector.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
 #include "rtbus/pacer.hpp"
 
 namespace drivers::simulated {
@@ -46,7 +46,7 @@ void Plant::cycle(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
   if (commands_.read_latest(command_) == rtbus::ReadStatus::kFresh) {
     // A stamp from the future would hold its force for longer than the time-out allows.
     const std::uint64_t stamped_ns = std::min(command_.stamp_ns, now_ns);
-    mechanics_.set_force(to_eigen(command_.value.force_n), stamped_ns + force_timeout_ns_);
+    mechanics_.set_force(rtbus::vector_of(command_.value.force_n), stamped_ns + force_timeout_ns_);
     // A dead node's last words do not count.
     const bool current = now_ns < stamped_ns + force_timeout_ns_;
     if (current && !std::exchange(commanded_, true)) mechanics_.begin_script(now_ns);
@@ -54,11 +54,11 @@ void Plant::cycle(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
   mechanics_.expire_force(now_ns);
 
   rtbus::PlantState state;
-  state.position_m = to_array(mechanics_.measure(now_ns));
-  state.true_position_m = to_array(mechanics_.position_m());
-  state.true_velocity_m_s = to_array(mechanics_.velocity_m_s());
-  state.applied_force_n = to_array(mechanics_.applied_force_n());
-  state.hand_force_n = to_array(mechanics_.hand_force_n());
+  state.position_m = rtbus::array_of(mechanics_.measure(now_ns));
+  state.true_position_m = rtbus::array_of(mechanics_.position_m());
+  state.true_velocity_m_s = rtbus::array_of(mechanics_.velocity_m_s());
+  state.applied_force_n = rtbus::array_of(mechanics_.applied_force_n());
+  state.hand_force_n = rtbus::array_of(mechanics_.hand_force_n());
   state.sample_time_ns = now_ns;
   state.buttons = mechanics_.buttons();
   state.timed_out = mechanics_.timed_out() ? 1 : 0;

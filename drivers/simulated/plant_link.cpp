@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "drivers/simulated/vector.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace drivers::simulated {
 
@@ -91,9 +91,9 @@ IoStatus PlantLink::read(std::uint64_t now_ns, DeviceSample& out) noexcept RTBUS
 
 IoStatus PlantLink::write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING {
   if (!commands_) return IoStatus::kLost;
-  Eigen::Vector3d force_n = to_eigen(command.force_n);
+  Eigen::Vector3d force_n = rtbus::vector_of(command.force_n);
   if (!limit_force(info_.max_force_n, force_n)) ++clamped_;
-  commands_->publish({to_array(force_n)}, now_ns);
+  commands_->publish({rtbus::array_of(force_n)}, now_ns);
   return IoStatus::kOk;
 }
 

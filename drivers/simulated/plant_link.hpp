@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "drivers/device.hpp"
-#include "drivers/registry.hpp"
+#include "drivers/device_config.hpp"
 #include "drivers/simulated/simulated_config.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/messages.hpp"

@@ -1,6 +1,7 @@
 #include "drivers/simulated/simulated_config.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <string>
 #include <utility>
 #include <vector>
@@ -8,24 +9,19 @@
 #include "drivers/simulated/model_config.hpp"
 #include "drivers/simulated/plant_link.hpp"
 #include "drivers/simulated/simulated_device.hpp"
-#include "drivers/simulated/vector.hpp"
+#include "rtbus/config/vector3.hpp"
 
 namespace drivers::simulated {
 namespace {
 
 using rtbus::config::Map;
-using rtbus::config::Range;
-
-Eigen::Vector3d vector(Map& map, std::string_view key, Range range, const Eigen::Vector3d& fallback) {
-  const std::vector<double> v = map.numbers(key, 3, range, {fallback.x(), fallback.y(), fallback.z()});
-  return {v[0], v[1], v[2]};
-}
+using rtbus::config::read_vector3;
 
 void parse_mechanics(Map& map, MechanicsParameters& m, DeviceInfo& info) {
   m.mass_kg = map.number("mass_kg", {0.005, 5.0}, m.mass_kg);
   m.viscous_n_s_per_m = map.number("viscous_n_s_per_m", {0.0, 50.0}, m.viscous_n_s_per_m);
   m.coulomb_n = map.number("coulomb_n", {0.0, 5.0}, m.coulomb_n);
-  m.gravity_m_s2 = vector(map, "gravity_m_s2", {-30.0, 30.0}, m.gravity_m_s2);
+  m.gravity_m_s2 = read_vector3(map, "gravity_m_s2", {-30.0, 30.0}, m.gravity_m_s2);
   m.max_force_n = map.number("max_force_n", {0.1, 100.0}, m.max_force_n);
   m.force_step_n = map.number("force_step_n", {0.0, 1.0}, m.force_step_n);
   m.position_quantum_m = map.number("position_quantum_m", {0.0, 0.005}, m.position_quantum_m);
@@ -35,6 +31,33 @@ void parse_mechanics(Map& map, MechanicsParameters& m, DeviceInfo& info) {
   m.end_stops = map.boolean("end_stops", true);
   info.force_timeout_s = map.number("force_timeout_ms", {1.0, 1000.0}, 20.0) * 1e-3;
   if (m.force_step_n > m.max_force_n) map.fail("force_step_n", "exceeds mechanics.max_force_n; lower it");
+}
+
+std::string figure(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+/// A hand that wants to go where the faces of the workspace stop the tip: the farthest point is named.
+void warn_of_way_out(const Map& map, SimulatedSettings& settings) {
+  constexpr double kNoticed_m = 1e-6;
+  const MechanicsParameters& m = settings.mechanics;
+  const auto outside_m = [&m](const Waypoint& point) {
+    return std::max((m.workspace_min_m - point.position_m).maxCoeff(),
+                    (point.position_m - m.workspace_max_m).maxCoeff());
+  };
+  const std::vector<Waypoint> points = settings.hand.turning_points();
+  const auto worst = std::max_element(
+      points.begin(), points.end(), [&](const Waypoint& a, const Waypoint& b) { return outside_m(a) < outside_m(b); });
+  if (worst == points.end() || outside_m(*worst) <= kNoticed_m) return;
+  const Eigen::Vector3d& p = worst->position_m;
+  settings.warnings.push_back(map.sentence(map.has("file") ? "file" : "",
+                                           "leads the hand " + figure(1e3 * outside_m(*worst)) +
+                                               " mm out of the workspace, to [" + figure(p.x()) + ", " + figure(p.y()) +
+                                               ", " + figure(p.z()) + "] m after " + figure(worst->time_s) +
+                                               " s: end stops hold the tip back; stay within "
+                                               "limits.workspace_min_m…max_m, or widen them"));
 }
 
 }  // namespace
@@ -63,8 +86,9 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
   if (auto hand = file.optional_map("hand")) {
     settings.hand = parse_hand(*hand, m.start_position_m);
     hand->finish();
+    if (m.end_stops) warn_of_way_out(*hand, settings);
   }
-  m.start_position_m = vector(file, "start_position_m", {-2.0, 2.0}, m.start_position_m);
+  m.start_position_m = read_vector3(file, "start_position_m", {-2.0, 2.0}, m.start_position_m);
   const bool outside = (m.start_position_m.array() < m.workspace_min_m.array()).any() ||
                        (m.start_position_m.array() > m.workspace_max_m.array()).any();
   if (m.end_stops && outside) {

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "drivers/simulated/vector.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace drivers::simulated {
 
@@ -37,7 +37,7 @@ IoStatus SimulatedDevice::wait_sample(std::uint64_t deadline_ns) noexcept {
 IoStatus SimulatedDevice::read(std::uint64_t now_ns, DeviceSample& out) noexcept RTBUS_NONBLOCKING {
   if (!running_) return IoStatus::kLost;
   mechanics_.advance_to(now_ns);
-  out.position_m = to_array(mechanics_.measure(now_ns));
+  out.position_m = rtbus::array_of(mechanics_.measure(now_ns));
   out.orientation_wxyz = {1, 0, 0, 0};
   out.buttons = mechanics_.buttons();
   out.time_ns = now_ns;
@@ -47,7 +47,7 @@ IoStatus SimulatedDevice::read(std::uint64_t now_ns, DeviceSample& out) noexcept
 IoStatus SimulatedDevice::write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING {
   if (!running_) return IoStatus::kLost;
   mechanics_.advance_to(now_ns);
-  if (!mechanics_.set_force(to_eigen(command.force_n), now_ns + force_timeout_ns_)) ++clamped_;
+  if (!mechanics_.set_force(rtbus::vector_of(command.force_n), now_ns + force_timeout_ns_)) ++clamped_;
   return IoStatus::kOk;
 }
 

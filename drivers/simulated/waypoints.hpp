@@ -30,6 +30,8 @@ class WaypointPath {
   /// @pre at least two points, times finite and strictly increasing, first time >= 0.
   WaypointPath(std::vector<Waypoint> points, Interpolation interpolation, bool loop);
 
+  [[nodiscard]] const std::vector<Waypoint>& points() const noexcept { return points_; }
+
   /// Where the motion is `time_s` after its beginning. @realtime Yes: one binary search.
   void at(double time_s, Eigen::Vector3d& position_m, Eigen::Vector3d& velocity_m_s) const noexcept RTBUS_NONBLOCKING;
 

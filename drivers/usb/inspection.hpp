@@ -1,6 +1,6 @@
 #pragma once
 /// @file inspection.hpp
-/// Asking a device how it is without changing how it is: nothing is loaded, homed or moved, every command is zero.
+/// Queries a device's state without changing it: nothing is loaded, homed or moved, every command is zero.
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -28,7 +28,7 @@ struct Inspection {
 
 using Inspector = std::function<Inspection(Channel& channel)>;
 
-/// A device that is open for being asked; it belongs to nobody else meanwhile. One thread.
+/// A device that is open for a query, exclusively. One thread.
 class Probe {
  public:
   virtual ~Probe() = default;

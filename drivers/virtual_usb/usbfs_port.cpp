@@ -11,7 +11,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "drivers/usb/futex.hpp"
+#include "drivers/io/futex.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -46,7 +46,7 @@ UsbfsPortImpl::~UsbfsPortImpl() {
 
 void UsbfsPortImpl::wake_thread() noexcept {
   bell_.fetch_add(1);
-  usb::futex_wake(bell_);
+  io::futex_wake(bell_);
 }
 
 void UsbfsPortImpl::run() noexcept {
@@ -62,7 +62,7 @@ void UsbfsPortImpl::run() noexcept {
       next_ns = planned_ns_;
     }
     // kNever is beyond what the kernel takes as a time; an hour will do.
-    usb::futex_wait(bell_, seen, std::min(next_ns, rtbus::monotonic_ns() + 3600 * rtbus::kNsPerS));
+    io::futex_wait(bell_, seen, std::min(next_ns, rtbus::monotonic_ns() + 3600 * rtbus::kNsPerS));
   }
 }
 
@@ -222,6 +222,7 @@ long UsbfsPortImpl::reap(void* argument) {
   if (done_.empty()) return read_end_ >= 0 ? -EAGAIN : -ENODEV;
   const Urb urb = std::move(done_.front());
   done_.pop_front();
+  // The number that the caller gave is the address of its own request.  NOLINTNEXTLINE(performance-no-int-to-ptr)
   auto& request = *reinterpret_cast<usbdevfs_urb*>(static_cast<std::uintptr_t>(urb.id));
   request.status = urb.status;
   request.actual_length = static_cast<int>(urb.actual);

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/virtual_usb/registry.hpp"
+#include "drivers/virtual_usb/kind.hpp"
 #include "drivers/virtual_usb/urb_queue.hpp"
 #include "rtbus/result.hpp"
 

@@ -4,7 +4,7 @@
 /// loop ramps from one to the next.
 #include <string_view>
 
-#include "haptic_node/rendering/renderer.hpp"
+#include "haptic_node/rendering/method.hpp"
 
 namespace haptic {
 
@@ -13,11 +13,11 @@ namespace haptic {
 /// ms). Its scale factor α is the mapping's 1/force_scale, which the force has gone through before it comes here. Eq.
 /// (3) and (4), the force itself, are made in physics_node/stepper.hpp: `interpolation_predicted` differs there only.
 ///
-/// A force that is late is waited for at f_i; a sawtooth back to f_{i−1}, which j mod N would make, helps nobody.
+/// While a force is late, the output stays at f_i; j mod N taken literally would make a saw-tooth back to f_{i−1}.
 ///
 /// The improved form, beside what physics does, reaches f_i one cycle earlier ((j + 1)/N, so that with N = 1 the newest
 /// force acts at once) and starts its ramp from what the hand has, so that a force that comes early makes no step.
-class Interpolation final : public Renderer {
+class Interpolation final : public Method {
  public:
   Interpolation(std::string_view name, bool paper) noexcept : name_(name), paper_(paper) {}
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace haptic {
 namespace {
@@ -13,7 +14,7 @@ using Eigen::Vector3d;
 /// A loop that comes late integrates the time that has passed, up to this many periods.
 constexpr double kLongestStep = 20.0;
 
-rtbus::Vec3 array_of(const Vector3d& v) noexcept { return {v.x(), v.y(), v.z()}; }
+using rtbus::array_of;
 
 }  // namespace
 
@@ -35,7 +36,7 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
       input.sample_time_ns > sample_ns_ ? rtbus::seconds_between(sample_ns_, input.sample_time_ns) : input.dt_s;
   sample_ns_ = input.sample_time_ns;
   step_s_ = std::clamp(elapsed_s, 0.5 * input.dt_s, kLongestStep * input.dt_s);
-  const double to_world = mapping_.config().force_scale / mapping_.config().position_scale;
+  const double to_world = mapping_.config().gain_to_world();
   world_.advance({tip_W, mapping_.velocity_to_world(input.velocity_m_s), stiffness_n_per_m_ * to_world,
                   damping_n_s_per_m_ * to_world},
                  input.sample_time_ns, step_s_);
@@ -55,12 +56,13 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
 LocalContact::Given& LocalContact::row_of(std::uint32_t body) noexcept {
   auto* oldest = &given_.front();
   for (Given& row : given_) {
-    if (row.turn != 0 && row.body == body) return row;
-    if (row.turn == 0 ? oldest->turn != 0 : oldest->turn != 0 && row.last_tick < oldest->last_tick) oldest = &row;
+    if (row.generation != 0 && row.body == body) return row;
+    if (row.generation == 0 ? oldest->generation != 0 : oldest->generation != 0 && row.last_tick < oldest->last_tick)
+      oldest = &row;
   }
   *oldest = Given{};
   oldest->body = body;
-  oldest->turn = ++turns_;
+  oldest->generation = ++generations_;
   return *oldest;
 }
 
@@ -96,11 +98,11 @@ void LocalContact::felt(const Vector3d& force_n) noexcept {
 
 void LocalContact::tell(rtbus::DeviceState& out) const noexcept {
   for (std::size_t i = 0; i < given_.size(); ++i) {
-    out.touched_body[i] = given_[i].body;
-    out.touched_turn[i] = given_[i].turn;
-    out.touched_impulse_n_s[i] = array_of(given_[i].impulse_n_s);
-    out.touched_angular_n_m_s[i] = array_of(given_[i].angular_n_m_s);
-    out.touched_travel_n_s2[i] = array_of(given_[i].travel_n_s2);
+    out.hand_impulse_body[i] = given_[i].body;
+    out.hand_impulse_generation[i] = given_[i].generation;
+    out.hand_impulse_n_s[i] = array_of(given_[i].impulse_n_s);
+    out.hand_angular_impulse_n_m_s[i] = array_of(given_[i].angular_n_m_s);
+    out.hand_impulse_integral_n_s2[i] = array_of(given_[i].travel_n_s2);
   }
 }
 

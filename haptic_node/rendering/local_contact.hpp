@@ -4,35 +4,46 @@
 /// physics says about the contacts near the proxy.
 #include <array>
 #include <cstdint>
+#include <utility>
+#include <vector>
 
-#include "haptic_node/mapping.hpp"
 #include "haptic_node/rendering/local_world.hpp"
-#include "haptic_node/rendering/renderer.hpp"
+#include "haptic_node/rendering/mapping.hpp"
+#include "haptic_node/rendering/method.hpp"
 #include "rtbus/messages.hpp"
 
 namespace haptic {
 
 /// F = K(p − x) + B(v_p − v), p being a massless proxy that is solved with its contacts every tick (local_world.hpp):
 /// zero in free air, full stiffness at a surface, however old the last answer of physics is. What the hand felt goes to
-/// physics body by body (DeviceState::touched_…), and there takes the place of a proxy that pushes.
-class LocalContact final : public Renderer {
+/// physics body by body (DeviceState::hand_impulse_…), and there takes the place of a proxy that pushes.
+class LocalContact final : public Method {
  public:
   /// @param mapping Must outlive this object.
-  LocalContact(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping& mapping) noexcept
-      : stiffness_n_per_m_(stiffness_n_per_m), damping_n_s_per_m_(damping_n_s_per_m), mapping_(mapping) {}
+  /// @param hulls Static bodies whose shape the loop knows.
+  LocalContact(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping& mapping,
+               std::vector<rtbus::shapes::StandingHull> hulls = {})
+      : stiffness_n_per_m_(stiffness_n_per_m),
+        damping_n_s_per_m_(damping_n_s_per_m),
+        mapping_(mapping),
+        world_(std::move(hulls)) {}
 
   [[nodiscard]] std::string_view name() const noexcept override { return "local_contact"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return true; }
   [[nodiscard]] RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING override;
   void felt(const Eigen::Vector3d& force_n) noexcept RTBUS_NONBLOCKING override;
   void tell(rtbus::DeviceState& out) const noexcept RTBUS_NONBLOCKING override;
+  void set_gains(double stiffness_n_per_m, double damping_n_s_per_m) noexcept RTBUS_NONBLOCKING override {
+    stiffness_n_per_m_ = stiffness_n_per_m;
+    damping_n_s_per_m_ = damping_n_s_per_m;
+  }
   void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
 
  private:
   /// What one body has received since its row became its own.
   struct Given {
     std::uint32_t body = 0;
-    std::uint32_t turn = 0;  ///< 0: the row is free.
+    std::uint32_t generation = 0;  ///< 0: the row is free.
     std::uint64_t last_tick = 0;
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
     Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
@@ -48,9 +59,9 @@ class LocalContact final : public Renderer {
   std::uint64_t sample_ns_ = 0;
   double step_s_ = 0.0;  ///< Of the last tick.
   std::uint64_t ticks_ = 0;
-  std::uint32_t turns_ = 0;
-  std::array<Given, rtbus::kTouchedRows> given_{};
-  std::size_t last_row_ = rtbus::kTouchedRows;  ///< Of the body that was touched last, and where.
+  std::uint32_t generations_ = 0;
+  std::array<Given, rtbus::kHandImpulseRows> given_{};
+  std::size_t last_row_ = rtbus::kHandImpulseRows;  ///< Of the body that was touched last, and where.
   Eigen::Vector3d last_arm_m_ = Eigen::Vector3d::Zero();
 };
 

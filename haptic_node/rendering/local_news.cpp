@@ -4,6 +4,7 @@
 
 #include "haptic_node/rendering/local_world.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace haptic {
 namespace {
@@ -27,11 +28,19 @@ constexpr double kHeapMobility_s = 0.2e-3;
 constexpr double kGoodFor = 1.5;
 constexpr double kGoodBesides_s = 3e-3;
 
-Vector3d vector_of(const rtbus::Vec3& v) noexcept { return {v[0], v[1], v[2]}; }
+using rtbus::vector_of;
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
   out << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
   return out;
+}
+
+/// Only balls have contacts with a curvature.
+bool is_ball(const rtbus::ProxyContacts& answer, std::size_t row) noexcept {
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+    if (answer.contact_body[i] == row) return answer.contact_curvature_per_m[i] > 0.0;
+  }
+  return false;
 }
 
 /// The largest inverse mass of what holds the body; 0: all that holds it stands.
@@ -62,7 +71,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   take_bodies(answer, now_ns);
   take_supports(answer);
   catch_up(answer, now_ns);
-  take_contacts(answer);
+  take_contacts(answer, now_ns);
   for (Body& body : bodies_) {
     const auto slot = static_cast<std::size_t>(&body - bodies_.data());
     const bool fading = std::any_of(contacts_.begin(), contacts_.begin() + static_cast<std::ptrdiff_t>(contact_count_),
@@ -126,6 +135,7 @@ void LocalWorld::take_bodies(const rtbus::ProxyContacts& answer, std::uint64_t n
     body.told_given_n_s = then.linear_n_s;
     body.moves = answer.body_kind[row] != 0;
     body.driven = answer.body_kind[row] == 1;
+    body.ball = is_ball(answer, row);
     body.motion.inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
     body.motion.inverse_inertia_per_kg_m2 = matrix_of(answer.body_inverse_inertia_per_kg_m2[row]);
     body.force_n = vector_of(answer.body_external_force_n[row]);
@@ -279,23 +289,28 @@ bool LocalWorld::blocked(const rtbus::ProxyContacts& answer, std::size_t contact
   return false;
 }
 
-void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
+void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   auto& old = old_contacts_;
   const std::size_t old_count = contact_count_;
   std::copy_n(contacts_.begin(), old_count, old.begin());
   std::array<bool, kContacts> matched{};
+  const auto way_out_ns =
+      static_cast<std::uint64_t>((kWayOut_s + kWayOutSteps * std::clamp(answer.step_s, 0.0, 1.0)) * 1e9);
   contact_count_ = 0;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
     const std::size_t row = answer.contact_body[i];
     if (row >= rigid_rows_) continue;
     Contact& contact = contacts_[contact_count_++];
     contact = Contact{};
+    contact.named_ns = now_ns;
     contact.body = slot_of_row_[row];
     contact.from_centre_m =
         turned_since_[row] * (vector_of(answer.contact_point_m[i]) - vector_of(answer.body_centre_m[row]));
     contact.normal = turned_since_[row] * vector_of(answer.contact_normal[i]);
     contact.friction = answer.contact_friction[i];
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
+    contact.hull = hulls_.empty() ? -1 : hull_of(answer.body_index[row]);
+    if (contact.hull >= 0) follow_hull(contact);
     const double gap_m = gap_of(contact);
     std::size_t best = old_count;
     double best_cosine = kSameContact;
@@ -308,8 +323,9 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer) noexcept {
     if (best == old_count && gap_m < 0.0) {
       // Deep inside of a body its nearest surface may be another one in each answer: a way out, once begun, is kept.
       for (std::size_t j = 0; j < old_count && best == old_count; ++j) {
-        const bool leads_out = !matched[j] && old[j].body == contact.body && !old[j].impulse_n_s.isZero(0.0) &&
-                               gap_of(old[j]) < 0.0 && old[j].normal.dot(contact.normal) < 0.0;
+        const bool leads_out = !matched[j] && old[j].body == contact.body && now_ns <= old[j].named_ns + way_out_ns &&
+                               !old[j].impulse_n_s.isZero(0.0) && gap_of(old[j]) < 0.0 &&
+                               old[j].normal.dot(contact.normal) < 0.0;
         if (leads_out && !names(answer, row, old[j].normal)) best = j;
       }
       if (best < old_count) {

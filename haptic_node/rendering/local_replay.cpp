@@ -68,6 +68,7 @@ void LocalWorld::replay(std::size_t slot, std::uint64_t from_ns, std::uint64_t n
   if (turned.vec().isZero(0.0)) return;
   const Matrix3d R = turned.toRotationMatrix();
   body.motion.inverse_inertia_per_kg_m2 = R * body.motion.inverse_inertia_per_kg_m2 * R.transpose();
+  if (body.ball) return;  // it rolls over what holds it: the support stays below the centre
   for (std::size_t i = 0; i < rows; ++i) {
     supports_[source[i]].from_centre_m = turned * supports_[source[i]].from_centre_m;
   }

@@ -5,6 +5,7 @@
 
 #include "haptic_node/rendering/local_world.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
 
 namespace haptic {
 namespace {
@@ -14,7 +15,7 @@ using Eigen::Vector3d;
 /// A patch is at least this soft: the solver divides by it.
 constexpr double kStiffest_m_per_n = 1e-6;
 
-Vector3d vector_of(const rtbus::Vec3& v) noexcept { return {v[0], v[1], v[2]}; }
+using rtbus::vector_of;
 
 }  // namespace
 

@@ -14,6 +14,8 @@ using Eigen::Vector3d;
 
 /// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
 constexpr double kSupportSoftness = 0.02;
+/// A proxy whose centre is this near to a surface has none of its own: its plane stays.
+constexpr double kSurface_m = 1e-6;
 
 }  // namespace
 
@@ -47,6 +49,27 @@ void LocalWorld::roll(Contact& contact) const noexcept {
   if (way.squaredNorm() <= 1e-12) return;
   contact.normal = way.normalized();
   contact.from_centre_m = middle + contact.radius_m * contact.normal;
+}
+
+int LocalWorld::hull_of(std::uint32_t body) const noexcept {
+  for (std::size_t i = 0; i < hulls_.size(); ++i) {
+    if (hulls_[i].body == body) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+/// On a hull the contact is where the hull is nearest to the proxy. Inside of it, it stays the plane that it was.
+void LocalWorld::follow_hull(Contact& contact) noexcept {
+  const auto index = static_cast<std::size_t>(contact.hull);
+  const rtbus::shapes::StandingHull& standing = hulls_[index];
+  const Vector3d proxy_B = standing.q_WB.conjugate() * (position_m_ - standing.p_WB);
+  Vector3d nearest_B;
+  if (!nearest_point(standing.hull, proxy_B, nearest_[index], nearest_B)) return;
+  const Vector3d way_B = proxy_B - nearest_B;
+  const double distance_m = way_B.norm();
+  if (distance_m < kSurface_m) return;  // the direction of what is left is rounding
+  contact.normal = standing.q_WB * Vector3d(way_B / distance_m);
+  contact.from_centre_m = standing.p_WB + standing.q_WB * nearest_B - bodies_[contact.body].centre_m;
 }
 
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
@@ -160,6 +183,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   for (std::size_t i = 0; i < contact_count_; ++i) {
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact);
+    if (contact.hull >= 0 && !contact.fades) follow_hull(contact);
     const Body& body = bodies_[contact.body];
     const Vector3d surface = surface_m_s(contact) + contact.late_m_s;
     contact.gap_m = gap_of(contact) + contact.offset_m;

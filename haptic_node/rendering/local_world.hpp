@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -16,6 +18,7 @@
 #include "haptic_node/rendering/local_soft.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
+#include "rtbus/shapes/hull.hpp"
 
 namespace haptic {
 
@@ -63,9 +66,16 @@ class LocalWorld {
   static constexpr double kHandSpeed_s = 0.02;
   /// Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
   static constexpr double kReach_m = 0.2e-3;
-  static constexpr int kReplayParts = 8;    ///< At most, from the instant of an answer to now …
-  static constexpr int kReplayRows = 100;   ///< … and parts times rows of all bodies, about.
+  static constexpr int kReplayParts = 8;   ///< At most, from the instant of an answer to now …
+  static constexpr int kReplayRows = 100;  ///< … and parts times rows of all bodies, about.
+  /// A way out of a body that no answer has named for so long, and for so many steps, is none: another surface is.
+  static constexpr double kWayOut_s = 0.5, kWayOutSteps = 4.0;
   static constexpr double kBrake_s = 0.01;  ///< Without news bodies come to rest in about three times that.
+
+  /// @param hulls Static bodies whose shape is known: their contacts follow it in each step, whatever plane an answer
+  /// told. They stay as long as this object.
+  explicit LocalWorld(std::vector<rtbus::shapes::StandingHull> hulls = {})
+      : hulls_(std::move(hulls)), nearest_(hulls_.size()) {}
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
@@ -99,6 +109,7 @@ class LocalWorld {
     bool named = false;   ///< By the answer that is being taken.
     bool moves = false;   ///< Something other than a static body.
     bool driven = false;  ///< Kinematic: whatever pushes.
+    bool ball = false;
     std::uint32_t index = 0;
     Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
     SolverBody motion;
@@ -119,11 +130,13 @@ class LocalWorld {
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
     double radius_m = 0.0;  ///< Of the ball whose surface it is; 0: a plane.
+    int hull = -1;          ///< Of hulls_: follows that shape; −1: none.
     double friction = 0.0;
     double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
     Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity: likewise.
     bool fades = false;                                     ///< Physics does not know it any more.
+    std::uint64_t named_ns = 0;                             ///< When physics named it last.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
   };
   struct Support {
@@ -150,7 +163,7 @@ class LocalWorld {
                                const Eigen::Vector3d& given_n_s, double age_s) noexcept;
   void move_heap(std::size_t slot, double h) noexcept;
   void take_supports(const rtbus::ProxyContacts& answer) noexcept;
-  void take_contacts(const rtbus::ProxyContacts& answer) noexcept;
+  void take_contacts(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept;
   [[nodiscard]] bool blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m) const noexcept;
   [[nodiscard]] bool names(const rtbus::ProxyContacts& answer, std::size_t row,
                            const Eigen::Vector3d& normal) const noexcept;
@@ -158,10 +171,15 @@ class LocalWorld {
   [[nodiscard]] double gap_of(const Contact& contact) const noexcept;
   [[nodiscard]] Eigen::Vector3d surface_m_s(const Contact& contact) const noexcept;
   void roll(Contact& contact) const noexcept;
+  [[nodiscard]] int hull_of(std::uint32_t body) const noexcept;
+  void follow_hull(Contact& contact) noexcept;
   void blend(double h) noexcept;
   [[nodiscard]] Eigen::Vector3d heap_surface_m_s(const Body& body, const Eigen::Vector3d& normal) const noexcept;
   std::size_t gather(double h) noexcept;
   void integrate(double h) noexcept;
+
+  std::vector<rtbus::shapes::StandingHull> hulls_;
+  std::vector<rtbus::shapes::NearestFeature> nearest_;  ///< Of the last query of each.
 
   Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();

@@ -1,49 +1,52 @@
 #pragma once
 /// @file registry.hpp
-/// Force laws by their name in YAML. One row per law in registry.cpp.
+/// Methods by their name in YAML. One row per method in registry.cpp.
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <string_view>
 #include <vector>
 
-#include "haptic_node/mapping.hpp"
-#include "haptic_node/rendering/renderer.hpp"
+#include "haptic_node/rendering/mapping.hpp"
+#include "haptic_node/rendering/method.hpp"
+#include "rtbus/shapes/hull.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace haptic {
 
-/// What a law may be made from.
-struct RendererContext {
+/// Arguments from which a method is made.
+struct MethodContext {
   double stiffness_n_per_m = 0.0;  ///< At the device, after its limit.
   double damping_n_s_per_m = 0.0;
-  const Mapping& mapping;                          ///< Outlives the renderer.
-  std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene, in W.
-  bool paper = false;                              ///< `form: paper`.
-  double proxy_mass_kg = 0.1;                      ///< In the world, for a law that simulates the proxy itself.
+  const Mapping& mapping;                            ///< Outlives the method.
+  std::vector<rtbus::shapes::PlacedShape> shapes;    ///< Static analytic bodies of the scene, in W.
+  bool paper = false;                                ///< `form: paper`.
+  double proxy_mass_kg = 0.1;                        ///< In the world, for a method that simulates the proxy itself.
+  std::vector<rtbus::shapes::StandingHull> hulls{};  ///< Static boxes and hulls of the scene, in W.
 };
 
-/// What a law orders of physics besides the proxy.
+/// The force that physics computes for a method, if any.
 enum class ServerForce : std::uint8_t {
   kNone,
   kPlain,      ///< Eq. (3).
   kPredicted,  ///< Eq. (4).
 };
 
-struct RendererEntry {
+struct MethodEntry {
   std::string_view name;
   bool needs_physics;
-  /// The law integrates the proxy itself: physics publishes ProxyContacts (rtbus/contact_messages.hpp), which it else saves,
-  /// and its proxy follows without pushing.
+  /// The method simulates the proxy itself. Physics then publishes ProxyContacts (rtbus/contact_messages.hpp), and its
+  /// own proxy follows without pushing.
   bool needs_contacts;
-  std::unique_ptr<Renderer> (*make)(const RendererContext& context);
+  std::unique_ptr<Method> (*make)(const MethodContext& context);
   ServerForce server_force = ServerForce::kNone;
-  bool books_world = false;  ///< Its spring ends at the proxy: the work that the world does there is booked as well.
+  bool counts_world_work =
+      false;  ///< Its spring ends at the proxy of physics: the work of the world there is counted too.
 };
 
-[[nodiscard]] std::span<const RendererEntry> registered_renderers() noexcept;
+[[nodiscard]] std::span<const MethodEntry> registered_methods() noexcept;
 
-/// Null when no law has that name.
-[[nodiscard]] const RendererEntry* find_renderer(std::string_view name) noexcept;
+/// Null when no method has that name.
+[[nodiscard]] const MethodEntry* find_method(std::string_view name) noexcept;
 
 }  // namespace haptic

@@ -1,18 +1,18 @@
 #pragma once
 /// @file remote_virtual_coupling.hpp
 /// The paper's method (He & Choi 2013, section III.C, Fig. 5): a spring-damper at each end of the link.
-#include "haptic_node/rendering/renderer.hpp"
+#include "haptic_node/rendering/method.hpp"
 
 namespace haptic {
 
 /// F = K(A − x) + B(V_A − v), A being the newest proxy that physics sent. The paper's form damps the absolute velocity
-/// (−B·v), which costs drag in free air; damping the relative one does not.
+/// (−B·v), which adds drag in free air; relative damping does not. The delay still drags: F ≈ K·v·age of the answer.
 ///
 /// Where physics is slower than the loop, A moves to each new proxy in a straight line, over one of physics' periods,
-/// and V_A is its velocity on that line. A set-point that jumps is a step of the force with every answer, and rings the
-/// tip on its spring (decision 0009); the line costs half a period of delay on the average. The paper's form holds and
+/// and V_A is its velocity on that line. A set-point that jumps makes a step of the force with every answer and excites
+/// the tip on its spring (decision 0011). The line costs half a period of delay on average. The paper's form holds and
 /// jumps.
-class RemoteVirtualCoupling final : public Renderer {
+class RemoteVirtualCoupling final : public Method {
  public:
   RemoteVirtualCoupling(double stiffness_n_per_m, double damping_n_s_per_m, bool paper = false) noexcept
       : stiffness_n_per_m_(stiffness_n_per_m), damping_n_s_per_m_(damping_n_s_per_m), paper_(paper) {}
@@ -20,6 +20,10 @@ class RemoteVirtualCoupling final : public Renderer {
   [[nodiscard]] std::string_view name() const noexcept override { return "remote_virtual_coupling"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return true; }
   [[nodiscard]] RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING override;
+  void set_gains(double stiffness_n_per_m, double damping_n_s_per_m) noexcept RTBUS_NONBLOCKING override {
+    stiffness_n_per_m_ = stiffness_n_per_m;
+    damping_n_s_per_m_ = damping_n_s_per_m;
+  }
   void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
 
  private:

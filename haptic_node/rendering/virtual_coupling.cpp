@@ -16,7 +16,7 @@ VirtualCoupling::VirtualCoupling(double stiffness_n_per_m, double damping_n_s_pe
       proxy_(std::move(shapes)) {}
 
 void VirtualCoupling::step(const Vector3d& tip_W, const Vector3d& tip_velocity_W, double h) noexcept {
-  const double to_world = mapping_.config().force_scale / mapping_.config().position_scale;
+  const double to_world = mapping_.config().gain_to_world();
   const double K = stiffness_n_per_m_ * to_world;
   const double B = damping_n_s_per_m_ * to_world;
   const Vector3d stretch = tip_W - proxy_.position_m();

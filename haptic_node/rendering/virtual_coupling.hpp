@@ -4,9 +4,9 @@
 /// haptic display of tool use", IROS 1995): one spring-damper between the hand and a simulated proxy.
 #include <vector>
 
-#include "haptic_node/mapping.hpp"
 #include "haptic_node/rendering/god_object.hpp"
-#include "haptic_node/rendering/renderer.hpp"
+#include "haptic_node/rendering/mapping.hpp"
+#include "haptic_node/rendering/method.hpp"
 
 namespace haptic {
 
@@ -18,8 +18,8 @@ namespace haptic {
 /// any mass are stable. Paper's form: the force of the step's beginning (explicit), and dampers on absolute velocities,
 /// −B·V on the proxy and −B·v on the hand; it diverges for h²·K > 4m or h·B > 2m.
 ///
-/// One spring-damper is all there is: with B = 0 a proxy in free air rings at √(K/m). B near √(2·K·m) lets it die out.
-class VirtualCoupling final : public Renderer {
+/// With B = 0 a proxy in free air oscillates at √(K/m) without end. B near √(2·K·m) damps it.
+class VirtualCoupling final : public Method {
  public:
   /// @param mapping Must outlive this object. @param mass_kg In the world, > 0.
   VirtualCoupling(double stiffness_n_per_m, double damping_n_s_per_m, double mass_kg, bool paper,
@@ -28,6 +28,10 @@ class VirtualCoupling final : public Renderer {
   [[nodiscard]] std::string_view name() const noexcept override { return "virtual_coupling"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return false; }
   [[nodiscard]] RenderOutput render(const RenderInput& input) noexcept RTBUS_NONBLOCKING override;
+  void set_gains(double stiffness_n_per_m, double damping_n_s_per_m) noexcept RTBUS_NONBLOCKING override {
+    stiffness_n_per_m_ = stiffness_n_per_m;
+    damping_n_s_per_m_ = damping_n_s_per_m;
+  }
   void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
 
  private:

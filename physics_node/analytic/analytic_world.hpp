@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "physics_node/world.hpp"
+#include "physics_node/engine/world.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace physics {
@@ -20,8 +20,8 @@ namespace physics {
 /// onto what the bodies leave free; analytic/contact_sweep.hpp does that along the path, so that no speed and no step
 /// makes a proxy tunnel. Newton's law holds to rounding: m·(v⁺ − v)/h = coupling_force + contact_force.
 ///
-/// Exact at any step: forces on and places of a proxy that bodies hold, its speed under a constant force, friction
-/// included. Of first order in the step: where and when things are that move (tests: analytic_closed_form_test.cpp).
+/// Exact at any step: force on and position of a proxy in contact, and its speed under a constant force, with friction.
+/// Of first order in the step: position and time of moving things (tests: analytic_closed_form_test.cpp).
 ///
 /// A proxy that starts inside a body is moved out at kRecoverySpeedMS or less, as a displacement without kinetic
 /// energy. Finite inputs beyond the limits below are clamped to them; targets and steps that are not finite are
@@ -43,7 +43,8 @@ class AnalyticWorld final : public World {
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
   void release_proxy(std::size_t proxy) override;
   void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s) override;
-  void push_body(std::size_t, std::size_t, const Eigen::Vector3d&, const Eigen::Vector3d&) override {}  // none moves
+  void apply_hand_force(std::size_t, std::size_t, const Eigen::Vector3d&, const Eigen::Vector3d&) override {
+  }  // none moves
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;

@@ -44,8 +44,9 @@ PointForce force_at(const btManifoldPoint& point, double h, double scale) {
   out.normal = from_bullet(point.m_normalWorldOnB);
   // Bullet's impulses are mass · units/s.
   out.normal_n = static_cast<double>(point.m_appliedImpulse) / (h * scale);
-  out.friction_n =
-      from_bullet(point.m_lateralFrictionDir1) * (static_cast<double>(point.m_appliedImpulseLateral1) / (h * scale));
+  out.friction_n = from_bullet(point.m_lateralFrictionDir1 * point.m_appliedImpulseLateral1 +
+                               point.m_lateralFrictionDir2 * point.m_appliedImpulseLateral2) /
+                   (h * scale);
   return out;
 }
 

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "physics_node/bullet/units.hpp"
-#include "physics_node/world.hpp"
+#include "physics_node/engine/world.hpp"
 
 namespace physics::bullet {
 
@@ -61,7 +61,7 @@ class BulletProxy {
   /// Out of the world: BulletWorld takes it out and puts it back.
   [[nodiscard]] bool released() const noexcept { return released_; }
   void set_released(bool released) noexcept { released_ = released; }
-  /// Out of the world as well, and moved by somebody else.
+  /// Out of the world as well; placed by a method that simulates it.
   [[nodiscard]] bool placed() const noexcept { return placed_; }
   void set_placed(bool placed) noexcept { placed_ = placed; }
   [[nodiscard]] const ProxyReadout& state() const noexcept { return state_; }

@@ -17,20 +17,10 @@ namespace shapes = rtbus::shapes;
 constexpr double kSkin = 0.005;        // of the shortest extent
 constexpr double kLargestScale = 1e5;  // 100 µm; below it the range of positions becomes the limit
 
-/// Boxes and cylinders lie within their margin, not around it: it rounds their edges for the general algorithm. Bullet's
-/// own choice, a tenth of the smallest half extent and at most 0.04 units of 0.6.
+/// Boxes and cylinders lie within their margin, not around it: it rounds their edges for the general algorithm.
+/// Bullet's own choice, a tenth of the smallest half extent and at most 0.04 units of 0.6.
 btScalar margin_of(double smallest_half_m, double scale) {
   return static_cast<btScalar>(std::min(0.1 * smallest_half_m * scale, 0.04 * kToleranceScale));
-}
-
-Vector3d extents_m(const config::TriangleMesh& mesh) {
-  Vector3d low = mesh.vertices_m.front();
-  Vector3d high = low;
-  for (const Vector3d& vertex : mesh.vertices_m) {
-    low = low.cwiseMin(vertex);
-    high = high.cwiseMax(vertex);
-  }
-  return high - low;
 }
 
 /// Centre of volume: the hull's faces, cut into triangles, span tetrahedra with its first vertex.
@@ -56,7 +46,8 @@ Vector3d centroid_m(const btConvexHullComputer& hull) {
 
 MadeShape make_hull(const config::TriangleMesh& points, double scale) {
   std::vector<double> coordinates;
-  for (const Vector3d& vertex : points.vertices_m) coordinates.insert(coordinates.end(), vertex.data(), vertex.data() + 3);
+  for (const Vector3d& vertex : points.vertices_m)
+    coordinates.insert(coordinates.end(), vertex.data(), vertex.data() + 3);
   btConvexHullComputer hull;
   hull.compute(coordinates.data(), 3 * sizeof(double), static_cast<int>(points.vertices_m.size()), 0, 0);
 
@@ -66,7 +57,7 @@ MadeShape make_hull(const config::TriangleMesh& points, double scale) {
   for (int i = 0; i < hull.vertices.size(); ++i) {
     shape->addPoint(to_bullet(from_bullet(hull.vertices[i]) - out.centre_m, scale), false);
   }
-  shape->setMargin(static_cast<btScalar>(kSkin * extents_m(points).minCoeff() * scale));
+  shape->setMargin(static_cast<btScalar>(kSkin * points.extents_m().minCoeff() * scale));
   shape->recalcLocalAabb();
   out.shape = std::move(shape);
   return out;
@@ -118,7 +109,7 @@ double smallest_extent_m(const config::BodyShape& shape) {
   if (const auto* cylinder = std::get_if<config::Cylinder>(&shape)) {
     return std::min(2.0 * cylinder->radius_m, cylinder->length_m);
   }
-  if (const auto* hull = std::get_if<config::ConvexHull>(&shape)) return extents_m(*hull->points).minCoeff();
+  if (const auto* hull = std::get_if<config::ConvexHull>(&shape)) return hull->points->extents_m().minCoeff();
   return 0.0;
 }
 
@@ -130,7 +121,7 @@ double smallest_moving_extent_m(const config::Scene& scene) {
     if (smallest == 0.0 || extent < smallest) smallest = extent;
   }
   for (const config::SoftBody& body : scene.soft_bodies) {
-    const double extent = extents_m(*body.mesh).minCoeff();
+    const double extent = body.mesh->extents_m().minCoeff();
     if (smallest == 0.0 || extent < smallest) smallest = extent;
   }
   return smallest > 0.0 ? smallest : kDefaultExtentM;

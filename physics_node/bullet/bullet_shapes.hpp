@@ -28,16 +28,17 @@ struct MadeShape {
 
 inline constexpr double kDefaultExtentM = 0.02;
 
-/// Size that the smallest moving body gets [units]. Bullet grows every bounding box by 0.02 units, and each pair whose boxes
-/// meet costs a test: at 0.6 units, 500 cubes of 20 mm that stand 1 mm apart make 5346 pairs and touch in 500; at 10 units
-/// (0.04 mm) they make 500.
+/// Size that the smallest moving body gets [units]. Bullet grows every bounding box by 0.02 units, and each pair whose
+/// boxes meet costs a test: at 0.6 units, 500 cubes of 20 mm that stand 1 mm apart make 5346 pairs and touch in 500; at
+/// 10 units (0.04 mm) they make 500.
 inline constexpr double kGoodExtent = 10.0;
 
-/// Units per metre that make a body of `extent_m` kGoodExtent units large: 500 for cubes of 20 mm, 5000 for beads of 2 mm.
+/// Units per metre that make a body of `extent_m` kGoodExtent units large: 500 for cubes of 20 mm, 5000 for beads of 2
+/// mm.
 [[nodiscard]] double length_scale(double extent_m);
 
-/// Bullet's lengths that suit bodies of 0.6 units (depth of split impulse and of continuous detection, margins: 0.04 units)
-/// keep their ratio to the smallest body when multiplied by this.
+/// Bullet's lengths that suit bodies of 0.6 units (depth of split impulse and of continuous detection, margins: 0.04
+/// units) keep their ratio to the smallest body when multiplied by this.
 inline constexpr double kToleranceScale = kGoodExtent / 0.6;
 
 }  // namespace physics::bullet

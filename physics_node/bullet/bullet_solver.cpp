@@ -1,5 +1,7 @@
 #include "physics_node/bullet/bullet_solver.hpp"
 
+#include <algorithm>
+
 namespace physics::bullet {
 namespace {
 
@@ -7,6 +9,23 @@ btVector3 velocity_at(const btCollisionObject& object, const btVector3& point) {
   const btRigidBody* const body = btRigidBody::upcast(&object);
   if (body == nullptr) return {0, 0, 0};
   return body->getVelocityInLocalPoint(point - body->getWorldTransform().getOrigin());
+}
+
+/// Bullet's rule for the bodies that share the solver's one static body.
+bool stands(const btCollisionObject& object) {
+  const btRigidBody* const body = btRigidBody::upcast(&object);
+  return body == nullptr || (body->getInvMass() == 0 && !body->isKinematicObject());
+}
+
+/// Of the scene, and not a hand's proxy.
+bool is_body(const btCollisionObject& object) { return object.getUserIndex() >= 0; }
+
+/// What the impulses of this step have changed so far in the velocity along the row.
+btScalar change_along(const btSolverConstraint& row, btSolverBody& a, btSolverBody& b) {
+  return row.m_contactNormal1.dot(a.internalGetDeltaLinearVelocity()) +
+         row.m_relpos1CrossNormal.dot(a.internalGetDeltaAngularVelocity()) +
+         row.m_contactNormal2.dot(b.internalGetDeltaLinearVelocity()) +
+         row.m_relpos2CrossNormal.dot(b.internalGetDeltaAngularVelocity());
 }
 
 }  // namespace
@@ -29,7 +48,159 @@ void BulletSolver::convertContacts(btPersistentManifold** manifolds, int count, 
       }
     }
   }
-  btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
+  btContactSolverInfo two_directions = info;
+  two_directions.m_solverMode |=
+      SOLVER_USE_2_FRICTION_DIRECTIONS | SOLVER_DISABLE_VELOCITY_DEPENDENT_FRICTION_DIRECTION;
+  find_piles(manifolds, count);
+  two_rows_.clear();
+  for (int i = 0; i < count; ++i) {
+    const btCollisionObject& a = *manifolds[i]->getBody0();
+    const btCollisionObject& b = *manifolds[i]->getBody1();
+    // A hand's proxy keeps Bullet's friction: wedged between static bodies it rattled with two rows.
+    const bool alone = (stands(a) && is_body(b) && !in_pile(b)) || (stands(b) && is_body(a) && !in_pile(a));
+    const int first = m_tmpSolverContactConstraintPool.size();
+    convertContact(manifolds[i], alone ? two_directions : info);
+    for (int j = first; j < m_tmpSolverContactConstraintPool.size(); ++j) {
+      start_friction(m_tmpSolverContactConstraintPool[j], alone);
+      two_rows_.push_back(alone);
+    }
+  }
+  any_two_rows_ = std::find(two_rows_.begin(), two_rows_.end(), true) != two_rows_.end();
+}
+
+/// All manifolds of a body come in one call: it is in one island.
+void BulletSolver::find_piles(btPersistentManifold** manifolds, int count) {
+  in_pile_.assign(static_cast<std::size_t>(m_tmpSolverBodyPool.size()), false);
+  for (int i = 0; i < count; ++i) {
+    if (!joins_pile(*manifolds[i])) continue;
+    for (const btCollisionObject* body : {manifolds[i]->getBody0(), manifolds[i]->getBody1()}) {
+      if (body->getCompanionId() >= 0) in_pile_[static_cast<std::size_t>(body->getCompanionId())] = true;
+    }
+  }
+}
+
+bool BulletSolver::in_pile(const btCollisionObject& body) const {
+  const int id = body.getCompanionId();
+  return id >= 0 && static_cast<std::size_t>(id) < in_pile_.size() && in_pile_[static_cast<std::size_t>(id)];
+}
+
+bool BulletSolver::joins_pile(const btPersistentManifold& manifold) {
+  const btCollisionObject& a = *manifold.getBody0();
+  const btCollisionObject& b = *manifold.getBody1();
+  return manifold.getNumContacts() > 0 && !stands(a) && !stands(b) && is_body(a) && is_body(b);
+}
+
+/// Bullet sets the rows of friction to zero, and writes the impulse of a first row only.
+void BulletSolver::start_friction(const btSolverConstraint& contact, bool two_rows) {
+  auto& point = *static_cast<btManifoldPoint*>(contact.m_originalContactPoint);
+  if (!two_rows) {
+    point.m_appliedImpulseLateral2 = 0;
+    return;
+  }
+  const btScalar last[2] = {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2};
+  for (int side = 0; side < 2; ++side) {
+    btSolverConstraint& row = m_tmpSolverContactFrictionConstraintPool[contact.m_frictionIndex + side];
+    push(row, last[side] - static_cast<btScalar>(row.m_appliedImpulse));
+  }
+}
+
+btScalar BulletSolver::solveGroupCacheFriendlyFinish(btCollisionObject** bodies, int body_count,
+                                                     const btContactSolverInfo& info) {
+  for (int i = 0; any_two_rows_ && i < m_tmpSolverContactConstraintPool.size(); ++i) {
+    if (!two_rows_[static_cast<std::size_t>(i)]) continue;
+    const btSolverConstraint& contact = m_tmpSolverContactConstraintPool[i];
+    static_cast<btManifoldPoint*>(contact.m_originalContactPoint)->m_appliedImpulseLateral2 =
+        m_tmpSolverContactFrictionConstraintPool[contact.m_frictionIndex + 1].m_appliedImpulse;
+  }
+  return btSequentialImpulseConstraintSolver::solveGroupCacheFriendlyFinish(bodies, body_count, info);
+}
+
+void BulletSolver::push(btSolverConstraint& row, btScalar impulse) {
+  if (impulse == 0) return;
+  btSolverBody& a = m_tmpSolverBodyPool[row.m_solverBodyIdA];
+  btSolverBody& b = m_tmpSolverBodyPool[row.m_solverBodyIdB];
+  row.m_appliedImpulse = static_cast<btScalar>(row.m_appliedImpulse) + impulse;
+  a.internalApplyImpulse(row.m_contactNormal1 * a.internalGetInvMass(), row.m_angularComponentA, impulse);
+  b.internalApplyImpulse(row.m_contactNormal2 * b.internalGetInvMass(), row.m_angularComponentB, impulse);
+}
+
+/// @returns the square of the largest residual, at which Bullet ends the iterations when it is zero.
+btScalar BulletSolver::solveSingleIteration(int iteration, btCollisionObject** bodies, int body_count,
+                                            btPersistentManifold** manifolds, int manifold_count,
+                                            btTypedConstraint** constraints, int constraint_count,
+                                            const btContactSolverInfo& info, btIDebugDraw* drawer) {
+  if (!any_two_rows_) {
+    return btSequentialImpulseConstraintSolver::solveSingleIteration(
+        iteration, bodies, body_count, manifolds, manifold_count, constraints, constraint_count, info, drawer);
+  }
+  const int contacts = m_tmpSolverContactConstraintPool.size();
+  const int rows = m_tmpSolverContactFrictionConstraintPool.size();
+  if ((info.m_solverMode & SOLVER_RANDMIZE_ORDER) != 0) {
+    shuffle(m_orderTmpConstraintPool, contacts);
+    shuffle(m_orderFrictionConstraintPool, rows);
+  }
+  btScalar residual = 0;
+  for (int i = 0; i < contacts; ++i) {
+    residual = std::max(residual, solve_normal(m_tmpSolverContactConstraintPool[m_orderTmpConstraintPool[i]]));
+  }
+  for (int i = 0; i < rows; ++i) {
+    const int row = m_orderFrictionConstraintPool[i];
+    const int of_contact = m_tmpSolverContactFrictionConstraintPool[row].m_frictionIndex;
+    const btSolverConstraint& contact = m_tmpSolverContactConstraintPool[of_contact];
+    if (!two_rows_[static_cast<std::size_t>(of_contact)]) {
+      residual = std::max(residual, solve_slip(contact));
+    } else if (row == contact.m_frictionIndex) {  // the second row goes with the first
+      residual = std::max(residual, solve_cone(contact));
+    }
+  }
+  return residual;
+}
+
+void BulletSolver::shuffle(btAlignedObjectArray<int>& order, int count) {
+  for (int i = 0; i < count; ++i) std::swap(order[i], order[btRandInt2(i + 1)]);
+}
+
+btScalar BulletSolver::solve_normal(const btSolverConstraint& contact) {
+  const btScalar left = resolveSingleConstraintRowLowerLimitSIMD(m_tmpSolverBodyPool[contact.m_solverBodyIdA],
+                                                                 m_tmpSolverBodyPool[contact.m_solverBodyIdB], contact);
+  return left * left;
+}
+
+/// As Bullet: one row, along the slip of the step before.
+btScalar BulletSolver::solve_slip(const btSolverConstraint& contact) {
+  if (static_cast<btScalar>(contact.m_appliedImpulse) <= 0) return 0;
+  btSolverConstraint& row = m_tmpSolverContactFrictionConstraintPool[contact.m_frictionIndex];
+  row.m_upperLimit = row.m_friction * static_cast<btScalar>(contact.m_appliedImpulse);
+  row.m_lowerLimit = -row.m_upperLimit;
+  const btScalar left = resolveSingleConstraintRowGenericSIMD(m_tmpSolverBodyPool[contact.m_solverBodyIdA],
+                                                              m_tmpSolverBodyPool[contact.m_solverBodyIdB], row);
+  return left * left;
+}
+
+/// Two rows whose impulses stay within the cone together.
+btScalar BulletSolver::solve_cone(const btSolverConstraint& contact) {
+  btSolverConstraint& first = m_tmpSolverContactFrictionConstraintPool[contact.m_frictionIndex];
+  btSolverConstraint& second = m_tmpSolverContactFrictionConstraintPool[contact.m_frictionIndex + 1];
+  const btScalar before[2] = {first.m_appliedImpulse, second.m_appliedImpulse};
+  const btScalar bound = first.m_friction * static_cast<btScalar>(contact.m_appliedImpulse);
+  btScalar after[2] = {0, 0};
+  if (bound > 0) {
+    btSolverBody& a = m_tmpSolverBodyPool[contact.m_solverBodyIdA];
+    btSolverBody& b = m_tmpSolverBodyPool[contact.m_solverBodyIdB];
+    const btScalar step = std::min(first.m_jacDiagABInv, second.m_jacDiagABInv);
+    after[0] = before[0] + step * (first.m_rhs / first.m_jacDiagABInv - change_along(first, a, b));
+    after[1] = before[1] + step * (second.m_rhs / second.m_jacDiagABInv - change_along(second, a, b));
+    const btScalar square = after[0] * after[0] + after[1] * after[1];
+    if (square > bound * bound) {
+      const btScalar part = bound / btSqrt(square);
+      after[0] *= part;
+      after[1] *= part;
+    }
+  }
+  push(first, after[0] - before[0]);
+  push(second, after[1] - before[1]);
+  const btScalar change = std::max(btFabs(after[0] - before[0]), btFabs(after[1] - before[1]));
+  return change * change;
 }
 
 }  // namespace physics::bullet

@@ -58,8 +58,8 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
   world_->setForceUpdateAllAabbs(false);  // what sleeps or is static has not moved
 
   // Bullet's own algorithm for two spheres makes no contact while they are apart, however little, and keeps the old one
-  // with its old normal: a proxy that slides over a ball then lifts off along a tangent and drops back, 37 times a second.
-  // The general algorithm sees the gap and gives the normal anew in each step.
+  // with its old normal: a proxy that slides over a ball then lifts off along a tangent and drops back, 37 times a
+  // second. The general algorithm sees the gap and gives the normal anew in each step.
   dispatcher_.registerCollisionCreateFunc(
       SPHERE_SHAPE_PROXYTYPE, SPHERE_SHAPE_PROXYTYPE,
       configuration_->getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE));
@@ -111,8 +111,8 @@ void BulletWorld::add_body(const config::Body& body, std::shared_ptr<MadeShape> 
     info.m_angularDamping = damping_of(body.angular_damping_per_s);
   }
   auto rigid = std::make_unique<btRigidBody>(info);
-  // A contact that is seen before it touches brakes the body down to the rest of the gap in one step, and nothing is left
-  // to bounce. A body that bounces is therefore solved from touching on.
+  // A contact that is seen before it touches brakes the body down to the rest of the gap in one step, and nothing is
+  // left to bounce. A body that bounces is therefore solved from touching on.
   if (body.motion) {
     rigid->setCollisionFlags(rigid->getCollisionFlags() | btCollisionObject::CF_KINEMATIC_OBJECT);
     moving_.push_back({rigid.get(), body});
@@ -120,7 +120,7 @@ void BulletWorld::add_body(const config::Body& body, std::shared_ptr<MadeShape> 
   rigid->setUserIndex(static_cast<int>(bodies_.size()));
   if (moves && body.restitution > 0.0) rigid->setContactProcessingThreshold(0);
   world_->addRigidBody(rigid.get(), moves ? kMovingGroup : kStaticGroup,
-                      moves ? kStaticGroup | kMovingGroup | kProxyGroup : kMovingGroup | kProxyGroup);
+                       moves ? kStaticGroup | kMovingGroup | kProxyGroup : kMovingGroup | kProxyGroup);
   if (moves) set_thresholds(body, *rigid);
   double reach = std::numeric_limits<double>::infinity();
   if (made->shape->isConvex()) {
@@ -194,32 +194,35 @@ void BulletWorld::place_proxy(std::size_t index, const Vector3d& position_m, con
   proxy.put(position_m, velocity_m_s);
 }
 
-void BulletWorld::push_body(std::size_t proxy, std::size_t body, const Vector3d& force_n, const Vector3d& torque_n_m) {
+void BulletWorld::apply_hand_force(std::size_t proxy, std::size_t body, const Vector3d& force_n,
+                                   const Vector3d& torque_n_m) {
   if (body >= bodies_.size() || bodies_[body].rigid->isStaticOrKinematicObject()) return;
   if (!force_n.allFinite() || !torque_n_m.allFinite()) return;
   pushes_.push_back({proxy, body, force_n, torque_n_m});
 }
 
-void BulletWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) { proxies_.at(index)->set_target(target); }
+void BulletWorld::set_proxy_target(std::size_t index, const ProxyTarget& target) {
+  proxies_.at(index)->set_target(target);
+}
 
 btTransform BulletWorld::pose_of(int index, const rtbus::config::PlacedAt& at) const {
   const Vector3d centre_m = at.p_WB + at.q_WB * bodies_[static_cast<std::size_t>(index)].made->centre_m;
   return btTransform(to_bullet(at.q_WB), to_bullet(centre_m, scale_));
 }
 
-/// Bullet takes the velocity of a kinematic body to be the way from its interpolation transform to its world transform, and
-/// looks for contacts at the latter. The latter is therefore the pose at the start of the step, and the former lies as far
-/// behind it as the step goes ahead.
+/// Bullet takes the velocity of a kinematic body to be the way from its interpolation transform to its world transform,
+/// and looks for contacts at the latter. The latter is therefore the pose at the start of the step, and the former lies
+/// as far behind it as the step goes ahead.
 void BulletWorld::place_moving(double h) {
   for (const MovingBody& each : moving_) {
     const auto now = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_);
     const auto next = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_ + h);
     const btTransform at_now = pose_of(each.rigid->getUserIndex(), now);
     const bool moves = (next.p_WB - now.p_WB).squaredNorm() > 0.0 || next.q_WB.coeffs() != now.q_WB.coeffs();
-    const btTransform behind =
-        moves ? pose_of(each.rigid->getUserIndex(),
-                        {2.0 * now.p_WB - next.p_WB, now.q_WB * next.q_WB.conjugate() * now.q_WB})
-              : at_now;
+    const btTransform behind = moves
+                                   ? pose_of(each.rigid->getUserIndex(),
+                                             {2.0 * now.p_WB - next.p_WB, now.q_WB * next.q_WB.conjugate() * now.q_WB})
+                                   : at_now;
     each.rigid->setWorldTransform(at_now);
     each.rigid->setInterpolationWorldTransform(behind);
     each.rigid->forceActivationState(moves ? DISABLE_DEACTIVATION : ISLAND_SLEEPING);
@@ -233,6 +236,13 @@ void BulletWorld::place_moving(double h) {
 void BulletWorld::before_dynamics(double) {}
 void BulletWorld::after_dynamics(double) {}
 void BulletWorld::add_more_contacts(std::size_t, double, ContactSet&) const {}
+
+bool BulletWorld::in_pile(const btRigidBody& body) {
+  btPersistentManifold* const* const manifolds = dispatcher_.getInternalManifoldPointer();
+  return std::any_of(manifolds, manifolds + dispatcher_.getNumManifolds(), [&body](const btPersistentManifold* each) {
+    return (each->getBody0() == &body || each->getBody1() == &body) && BulletSolver::joins_pile(*each);
+  });
+}
 
 void BulletWorld::step(double step_s) {
   if (!std::isfinite(step_s) || step_s <= 0.0) return;
@@ -249,7 +259,13 @@ void BulletWorld::step(double step_s) {
     btRigidBody& rigid = *bodies_[push.body].rigid;
     rigid.activate();
     rigid.applyCentralForce(to_bullet(push.force_n, scale_));
-    rigid.applyTorque(to_bullet(push.torque_n_m, scale_ * scale_));
+    // Not as a torque: Bullet's friction leaves out what a torque does within the step, and a block that is pushed
+    // beside its centre crept by h·r×(I⁻¹τ) in each step. Piles stay as they are (docs/decisions/0020).
+    if (in_pile(rigid)) {
+      rigid.applyTorque(to_bullet(push.torque_n_m, scale_ * scale_));
+    } else {
+      rigid.applyTorqueImpulse(to_bullet(Vector3d(h * push.torque_n_m), scale_ * scale_));
+    }
   }
   pushed_.swap(pushes_);
   pushes_.clear();
@@ -287,7 +303,9 @@ std::size_t BulletWorld::solved_contacts() const noexcept {
   std::size_t points = 0;
   for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
     const btPersistentManifold& manifold = *dispatcher_.getManifoldByIndexInternal(i);
-    const auto is_solved = [](const btCollisionObject* body) { return !body->isStaticOrKinematicObject() && body->isActive(); };
+    const auto is_solved = [](const btCollisionObject* body) {
+      return !body->isStaticOrKinematicObject() && body->isActive();
+    };
     if (is_solved(manifold.getBody0()) || is_solved(manifold.getBody1())) {
       points += static_cast<std::size_t>(manifold.getNumContacts());
     }

@@ -10,23 +10,24 @@
 #include "physics_node/bullet/bullet_proxy.hpp"
 #include "physics_node/bullet/bullet_shapes.hpp"
 #include "physics_node/bullet/bullet_solver.hpp"
-#include "physics_node/engine_module.hpp"
+#include "physics_node/engine/engine_module.hpp"
 
 namespace physics::bullet {
 
 /// Lengths are scaled by the smallest body that moves (length_scale()). Contacts are solved by sequential impulses in
 /// random order, which makes stacks creep ten times less than a fixed one; the shuffle is seeded per world, so that two
-/// runs of a scene are bit-identical. Bodies that overlap are pushed apart, by Bullet's defaults: deeper than a fifteenth of the smallest body as
-/// a displacement, which gives no body and no hand any speed; less deep through the velocity. (As a displacement at any
-/// depth, stacks crept two to twenty times as far, and ten layers fell over at 2 ms.)
+/// runs of a scene are bit-identical. Bodies that overlap are pushed apart, by Bullet's defaults: deeper than a
+/// fifteenth of the smallest body as a displacement, which gives no body and no hand any speed; less deep through the
+/// velocity. (As a displacement at any depth, stacks crept two to twenty times as far, and ten layers fell over at 2
+/// ms.)
 ///
 /// Sleeping. A body slower than both thresholds for deactivation.after_s, with everything it touches, stops costing
 /// anything until something awake touches it. Where the scene names no threshold it is 6 % of √(g·e) and of 4.5 % of
 /// √(g/e), e being the body's shortest extent: 27 mm/s and 1 rad/s for 20 mm on earth. Without gravity nothing sleeps.
 ///
-/// Kinematic bodies. At the start of a step one is where its motion has it at that time, and moves with the mean velocity of
-/// the step: contacts are seen where they are, and carry along at that speed. One that stands still for a step lets its
-/// neighbours sleep, one that moves wakes them.
+/// Kinematic bodies. At the start of a step one is where its motion has it at that time, and moves with the mean
+/// velocity of the step: contacts are seen where they are, and carry along at that speed. One that stands still for a
+/// step lets its neighbours sleep, one that moves wakes them.
 ///
 /// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
 /// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
@@ -46,8 +47,8 @@ class BulletWorld : public World {
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
   void release_proxy(std::size_t proxy) override;
   void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s) override;
-  void push_body(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
-                 const Eigen::Vector3d& torque_n_m) override;
+  void apply_hand_force(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
+                        const Eigen::Vector3d& torque_n_m) override;
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
@@ -65,12 +66,12 @@ class BulletWorld : public World {
   BulletWorld(const rtbus::config::Scene& scene, const EngineSettings& settings,
               std::unique_ptr<btDefaultCollisionConfiguration> configuration, MakeDynamics make_dynamics);
 
-  /// Around Bullet's own step of `h` seconds, when the proxies have their mass and velocity, and before what became of them
-  /// is read.
+  /// Around Bullet's own step of `h` seconds, when the proxies have their mass and velocity, and before what became of
+  /// them is read.
   virtual void before_dynamics(double h);
   virtual void after_dynamics(double h);
 
-  /// What contacts() has to say besides, once it has said all of the rigid bodies.
+  /// Appends further contacts after those of the rigid bodies.
   virtual void add_more_contacts(std::size_t proxy, double radius_m, ContactSet& out) const;
 
   struct SceneBody {
@@ -91,13 +92,15 @@ class BulletWorld : public World {
     rtbus::config::Body body;
   };
   void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
+  /// As of the last step.
+  [[nodiscard]] bool in_pile(const btRigidBody& body);
   void place_moving(double h);
   void take_out(BulletProxy& proxy);
   [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
   void find_contacts(const BulletProxy& proxy, double radius_m, FoundContacts& out) const;
   void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
-  void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first,
-                   std::uint32_t row, ContactSet& out) const;
+  void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first, std::uint32_t row,
+                   ContactSet& out) const;
   void set_thresholds(const rtbus::config::Body& body, btRigidBody& rigid) const;
   [[nodiscard]] std::uint32_t contacts_of(const btRigidBody& body);
 
@@ -116,7 +119,7 @@ class BulletWorld : public World {
   std::vector<SceneBody> bodies_;
   std::vector<MovingBody> moving_;
   std::vector<std::unique_ptr<BulletProxy>> proxies_;
-  /// What proxies that somebody else moves do to bodies: for the next step, and in the last one, for contacts().
+  /// Forces of placed proxies on bodies: for the next step, and of the last one, for contacts().
   struct Push {
     std::size_t proxy, body;
     Eigen::Vector3d force_n, torque_n_m;

@@ -1,8 +1,8 @@
 #pragma once
 /// @file units.hpp
-/// Between SI and Bullet's units. Bullet has absolute tolerances (0.02 units around every bounding box, a margin of 0.04
-/// units), made for bodies of a few units. A world of millimetres is therefore enlarged: lengths × S, and with them
-/// velocities and gravity; masses, times and angles stay.
+/// Between SI and Bullet's units. Bullet has absolute tolerances (0.02 units around every bounding box, a margin of
+/// 0.04 units), made for bodies of a few units. A world of millimetres is therefore enlarged: lengths × S, and with
+/// them velocities and gravity; masses, times and angles stay.
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 

@@ -5,17 +5,17 @@
 #include <cstdio>
 #include <numbers>
 
+#include "rtbus/config/vector3.hpp"
+
 namespace rtbus::config {
 namespace {
 
 using Eigen::Vector3d;
 
 constexpr Range kTime_s{0.0, 3600.0};
-constexpr Range kPosition_m{-1000.0, 1000.0};
+constexpr Range kWaypoint_m{-1000.0, 1000.0};
 constexpr std::size_t kMaxWaypoints = 1000;
 constexpr double kSmoothStepPeak = 1.5;  // of 3s² − 2s³, at its middle
-
-Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
 void check_speed(const Map& map, std::string_view key, double speed_m_s) {
   if (speed_m_s <= kMaxBodySpeed_m_s) return;
@@ -28,7 +28,7 @@ void check_speed(const Map& map, std::string_view key, double speed_m_s) {
 
 BodyMotion read_sinusoid(Map& map, const Vector3d&) {
   SinusoidMotion out;
-  out.travel_m = to_vector(map.numbers("travel_m", 3, {-100.0, 100.0}));
+  out.travel_m = read_vector3(map, "travel_m", {-100.0, 100.0});
   out.frequency_hz = map.number("frequency_hz", {1e-3, 50.0});
   out.start_s = map.number("start_s", kTime_s, 0.0);
   check_speed(map, "frequency_hz", std::numbers::pi * out.frequency_hz * out.travel_m.norm());
@@ -42,7 +42,7 @@ BodyMotion read_waypoints(Map& map, const Vector3d& p_WB) {
   for (Map& point : map.list_of_maps("points")) {
     const double time_s = point.number("time_s", kTime_s);
     if (time_s <= before_s) point.fail("time_s", "is not after the point before it; times grow, the first is above 0");
-    const Vector3d position_m = to_vector(point.numbers("position_m", 3, kPosition_m));
+    const Vector3d position_m = read_vector3(point, "position_m", kWaypoint_m);
     check_speed(point, "position_m", kSmoothStepPeak * (position_m - before_m).norm() / (time_s - before_s));
     out.times_s.push_back(time_s);
     out.positions_m.push_back(position_m);
@@ -62,7 +62,7 @@ BodyMotion read_waypoints(Map& map, const Vector3d& p_WB) {
 
 BodyMotion read_spin(Map& map, const Vector3d&) {
   SpinMotion out;
-  const Vector3d axis = to_vector(map.numbers("axis", 3, {-1e3, 1e3}, {0.0, 1.0, 0.0}));
+  const Vector3d axis = read_vector3(map, "axis", {-1e3, 1e3}, {0.0, 1.0, 0.0});
   if (axis.norm() < 1e-3) map.fail("axis", "has no direction; write [0, 1, 0] for the vertical");
   out.axis = axis.normalized();
   out.rate_rad_s = map.number("rate_rad_s", {-50.0, 50.0});

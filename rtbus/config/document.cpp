@@ -102,9 +102,13 @@ struct Map::Impl {
                 wanted + ")" + (slip ? "; is " + shown(*slip) + " meant to be it?" : ""));
   }
 
+  std::string value_sentence(const std::string& at, int at_line, const Node& value, const std::string& problem) const {
+    return where(at_line) + at + " = " + shown(value) + " " + problem;
+  }
+
   [[noreturn]] void fail_value(const std::string& at, int at_line, const Node& value,
                                const std::string& problem) const {
-    throw Error(where(at_line) + at + " = " + shown(value) + " " + problem);
+    throw Error(value_sentence(at, at_line, value, problem));
   }
 
   double to_number(const std::string& at, int at_line, const Node& value, Range range, std::string_view key) const {
@@ -146,6 +150,25 @@ struct Map::Impl {
                                      : "is not known" + detail::did_you_mean(word, allowed) + "; choose " + list);
     }
     return word;
+  }
+
+  std::vector<std::string> to_choices(const Entry& entry, const std::vector<std::string>& allowed) const {
+    const std::string at = path_of(entry.key), list = detail::joined(allowed);
+    if (entry.value.kind != Node::Kind::kList) {
+      fail_value(at, entry.line, entry.value, "is not a list; write " + entry.key + ": [" + allowed.front() + "]");
+    }
+    std::vector<std::string> out;
+    for (std::size_t i = 0; i < entry.value.items.size(); ++i) {
+      const Node& item = entry.value.items[i];
+      const bool is_known =
+          item.kind == Node::Kind::kScalar && std::find(allowed.begin(), allowed.end(), item.scalar) != allowed.end();
+      if (!is_known) {
+        fail_value(detail::path_below(at, std::to_string(i)), item.line, item,
+                   "is not known" + detail::did_you_mean(item.scalar, allowed) + "; choose " + list);
+      }
+      out.push_back(item.scalar);
+    }
+    return out;
   }
 
   std::vector<double> to_numbers(const Entry& entry, std::size_t count, Range range) const {
@@ -193,6 +216,11 @@ Map::~Map() = default;
 Map::Map(std::shared_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
 bool Map::has(std::string_view key) const { return impl_->ask(key) != nullptr; }
+
+bool Map::has_map(std::string_view key) const {
+  const Entry* const entry = impl_->ask(key);
+  return entry != nullptr && entry->value.kind == Node::Kind::kMap;
+}
 
 std::vector<std::string> Map::keys() const {
   std::vector<std::string> out;
@@ -272,6 +300,11 @@ std::string Map::choice(std::string_view key, const std::vector<std::string>& al
   return has(key) ? choice(key, allowed) : std::string(fallback);
 }
 
+std::vector<std::string> Map::choices(std::string_view key, const std::vector<std::string>& allowed) {
+  const Entry* entry = impl_->ask_plain(key);
+  return entry == nullptr ? std::vector<std::string>{} : impl_->to_choices(*entry, allowed);
+}
+
 std::vector<double> Map::numbers(std::string_view key, std::size_t count, Range range) {
   const Entry* entry = impl_->ask_plain(key);
   if (entry == nullptr) {
@@ -282,6 +315,23 @@ std::vector<double> Map::numbers(std::string_view key, std::size_t count, Range 
 
 std::vector<double> Map::numbers(std::string_view key, std::size_t count, Range range, std::vector<double> fallback) {
   return has(key) ? numbers(key, count, range) : std::move(fallback);
+}
+
+std::vector<std::string> Map::texts(std::string_view key) {
+  std::vector<std::string> out;
+  const Entry* entry = impl_->ask(key);
+  if (entry == nullptr) return out;
+  const char* const wanted = "is not a list of texts; write for example [python3, wall.py]";
+  if (entry->value.kind != Node::Kind::kList) {
+    impl_->fail_value(impl_->path_of(key), entry->line, entry->value, wanted);
+  }
+  for (const Node& item : entry->value.items) {
+    if (item.kind != Node::Kind::kScalar || item.scalar.empty()) {
+      impl_->fail_value(impl_->path_of(key), item.line, item, wanted);
+    }
+    out.push_back(item.scalar);
+  }
+  return out;
 }
 
 Map Map::map(std::string_view key) {
@@ -362,17 +412,17 @@ std::string Map::existing_file(std::string_view key) {
   return fs::absolute(file).lexically_normal().string();
 }
 
-void Map::fail(std::string_view key, const std::string& problem) const {
+std::string Map::sentence(std::string_view key, const std::string& problem) const {
   const Entry* entry = impl_->node->find(key);
   const std::string at = key.empty() ? impl_->path : impl_->path_of(key);
-  if (entry == nullptr) {
-    throw Error(impl_->where(impl_->line) + (at.empty() ? "" : at + " ") + problem);
-  }
-  if (entry->value.kind == Node::Kind::kMap) {
-    throw Error(impl_->where(entry->line) + at + " " + problem);
-  }
-  impl_->fail_value(at, entry->line, entry->value, problem);
+  if (entry == nullptr) return impl_->where(impl_->line) + (at.empty() ? "" : at + " ") + problem;
+  if (entry->value.kind == Node::Kind::kMap) return impl_->where(entry->line) + at + " " + problem;
+  return impl_->value_sentence(at, entry->line, entry->value, problem);
 }
+
+std::string Map::place() const { return impl_->where(impl_->line) + impl_->path; }
+
+void Map::fail(std::string_view key, const std::string& problem) const { throw Error(sentence(key, problem)); }
 
 void Map::finish() {
   for (const Entry& entry : impl_->node->entries) {
@@ -390,6 +440,7 @@ std::string Map::file() const { return impl_->document->file; }
 
 Map load(const std::string& file, const std::vector<Override>& overrides) {
   std::vector<detail::Assignment> assignments;
+  assignments.reserve(overrides.size());
   for (const Override& override : overrides) {
     assignments.push_back({detail::split_path(override.path), override});
   }

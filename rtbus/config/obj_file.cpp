@@ -24,7 +24,9 @@ std::string_view next_word(std::string_view& line) {
 
 class ObjReader {
  public:
-  ObjReader(std::string file, double metres_per_unit) : metres_per_unit_(metres_per_unit) { mesh_.file = std::move(file); }
+  ObjReader(std::string file, double metres_per_unit) : metres_per_unit_(metres_per_unit) {
+    mesh_.file = std::move(file);
+  }
 
   void read_line(std::string_view line) {
     ++number_;
@@ -83,7 +85,8 @@ class ObjReader {
     if (error != std::errc{} || end != word.data() + word.size()) fail("a corner of a face is not a number");
     const auto known = static_cast<long long>(mesh_.vertices_m.size());
     const long long from_zero = index < 0 ? known + index : index - 1;
-    if (from_zero < 0 || from_zero >= known) fail("a face names vertex " + std::to_string(index) + ", which is not there");
+    if (from_zero < 0 || from_zero >= known)
+      fail("a face names vertex " + std::to_string(index) + ", which is not there");
     return static_cast<std::uint32_t>(from_zero);
   }
 

@@ -8,6 +8,8 @@
 #include <string_view>
 #include <utility>
 
+#include "rtbus/config/vector3.hpp"
+
 namespace rtbus::config {
 namespace {
 
@@ -16,8 +18,6 @@ constexpr Range kPosition_m{-1000.0, 1000.0};
 /// Of one scene, grids unrolled: far above what any engine steps in a second.
 constexpr std::size_t kMaxBodies = 20000;
 constexpr std::size_t kMaxSoftBodies = 100;
-
-Eigen::Vector3d to_vector(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
 BodyType read_type(Map& body) {
   const std::string type = body.choice("type", {"static", "dynamic", "kinematic"});
@@ -73,9 +73,10 @@ std::string read_name(Map& map) {
 Body read_body(Map& map) {
   Body body;
   body.name = read_name(map);
+  body.source = map.place();
   body.type = read_type(map);
   body.shape = read_body_shape(map);
-  body.p_WB = to_vector(map.numbers("position_m", 3, kPosition_m, {0.0, 0.0, 0.0}));
+  body.p_WB = read_vector3(map, "position_m", kPosition_m, {0.0, 0.0, 0.0});
   body.q_WB = read_orientation(map);
   body.friction = map.number("friction", {0.0, 2.0}, 0.0);
   body.restitution = map.number("restitution", {0.0, 1.0}, 0.0);
@@ -88,7 +89,7 @@ std::vector<Body> read_grid(Map& map, const Body& first) {
   auto grid = map.optional_map("grid");
   if (!grid) return {first};
   const std::vector<double> count = grid->numbers("count", 3, {1.0, 10000.0});
-  const Eigen::Vector3d spacing_m = to_vector(grid->numbers("spacing_m", 3, kPosition_m));
+  const Eigen::Vector3d spacing_m = read_vector3(*grid, "spacing_m", kPosition_m);
   for (const double each : count) {
     if (each != std::floor(each)) grid->fail("count", "needs whole numbers: bodies along x, y and z");
   }
@@ -143,12 +144,32 @@ std::vector<shapes::PlacedShape> Scene::static_shapes() const {
   return out;
 }
 
+std::vector<shapes::StandingHull> Scene::standing_hulls() const {
+  std::vector<shapes::StandingHull> out;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const Body& body = bodies[i];
+    if (body.type != BodyType::kStatic) continue;
+    shapes::Hull hull;
+    if (const auto* box = std::get_if<shapes::Box>(&body.shape)) {
+      for (int corner = 0; corner < 8; ++corner) {
+        const Eigen::Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1, (corner & 4) != 0 ? 1 : -1);
+        hull.points_m.emplace_back(sign.cwiseProduct(box->half_size_m));
+      }
+    } else if (const auto* points = std::get_if<ConvexHull>(&body.shape)) {
+      hull.points_m = points->points->vertices_m;
+    }
+    if (hull.points_m.empty() || hull.points_m.size() > shapes::Hull::kMost) continue;
+    out.push_back({std::move(hull), static_cast<std::uint32_t>(i), body.q_WB, body.p_WB});
+  }
+  return out;
+}
+
 Scene read_scene(Map& map) {
   (void)map.choice("schema", {"scene/1"});
   Scene scene;
   scene.file = map.file();
   scene.name = map.text("name", std::filesystem::path(scene.file).stem().string());
-  scene.gravity_m_s2 = to_vector(map.numbers("gravity_m_s2", 3, {-100.0, 100.0}, {0.0, -9.81, 0.0}));
+  scene.gravity_m_s2 = read_vector3(map, "gravity_m_s2", {-100.0, 100.0}, {0.0, -9.81, 0.0});
   scene.deactivation = read_deactivation(map);
   std::map<std::string, std::size_t> item_of;  // which item of the list a name came from
   std::size_t item_index = 0;
@@ -157,8 +178,8 @@ Scene read_scene(Map& map) {
     for (Body& body : read_grid(item, first)) {
       const auto [twin, is_new] = item_of.try_emplace(body.name, item_index);
       if (!is_new) {
-        item.fail("name", "is the name of bodies." + std::to_string(twin->second) +
-                              " already; names are unique in a scene");
+        item.fail("name",
+                  "is the name of bodies." + std::to_string(twin->second) + " already; names are unique in a scene");
       }
       scene.bodies.push_back(std::move(body));
     }
@@ -179,7 +200,8 @@ Scene read_scene(Map& map) {
     }
     SoftBody body = read_soft_body(item);
     body.name = name;
-    body.p_WB = to_vector(item.numbers("position_m", 3, kPosition_m, {0.0, 0.0, 0.0}));
+    body.source = item.place();
+    body.p_WB = read_vector3(item, "position_m", kPosition_m, {0.0, 0.0, 0.0});
     body.q_WB = read_orientation(item);
     item.finish();
     scene.soft_bodies.push_back(std::move(body));

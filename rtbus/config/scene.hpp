@@ -12,6 +12,7 @@
 #include "rtbus/config/body_shape.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/config/soft_body.hpp"
+#include "rtbus/shapes/hull.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace rtbus::config {
@@ -25,12 +26,13 @@ enum class BodyType {
 
 /// One body in W (right-handed, y up).
 struct Body {
-  std::string name;  ///< Unique in the scene, [A-Za-z0-9_-], 1…64 characters.
+  std::string name;    ///< Unique in the scene, [A-Za-z0-9_-], 1…64 characters.
+  std::string source;  ///< "scenes/wall.yaml:14: bodies.0": where it stands, for messages.
   BodyType type = BodyType::kStatic;
   BodyShape shape;                                           ///< In the body's frame.
   Eigen::Vector3d p_WB = Eigen::Vector3d::Zero();            ///< [m]
   Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();  ///< Unit length.
-  double friction = 0.0;               ///< Coulomb coefficient, 0…2; of a pair: the product.
+  double friction = 0.0;                                     ///< Coulomb coefficient, 0…2; of a pair: the product.
   double restitution = 0.0;            ///< Speed after over speed before an impact, 0…1; of a pair: the product.
   double mass_kg = 0.0;                ///< Of a dynamic body, spread evenly over its volume; else 0.
   double linear_damping_per_s = 0.0;   ///< dv/dt = −λ·v, as of a body in air.
@@ -42,11 +44,12 @@ struct Body {
 /// When bodies that hardly move are put to rest, to save their share of each step. A touch wakes them.
 struct Deactivation {
   bool enabled = true;
-  double after_s = 0.5;  ///< Slower than both speeds for so long.
+  double after_s = 0.5;                 ///< Slower than both speeds for so long.
   std::optional<double> linear_m_s;     ///< None: the engine's choice, from size and gravity.
   std::optional<double> angular_rad_s;  ///< Likewise.
 };
 
+/// A scene file, read and checked.
 struct Scene {
   Eigen::Vector3d gravity_m_s2{0.0, -9.81, 0.0};
   std::vector<Body> bodies;  ///< Grids already unrolled.
@@ -55,9 +58,13 @@ struct Scene {
   std::string name;  ///< From the file, else the file's name without folder and suffix.
   std::string file;  ///< Where it stands: its own file, or the session file it is written in.
 
-  /// The planes, spheres and boxes that never move, in the scene's order: what the `direct` law and the analytic engine
-  /// know.
+  /// The planes, spheres and boxes that never move, in the scene's order: what the `direct` method and the analytic
+  /// engine know.
   [[nodiscard]] std::vector<shapes::PlacedShape> static_shapes() const;
+
+  /// The boxes and convex hulls that never move, without those of more than Hull::kMost points: what `local_contact`
+  /// knows the shape of.
+  [[nodiscard]] std::vector<shapes::StandingHull> standing_hulls() const;
 };
 
 /// Reads a scene from its map and finishes the map. Throws Error.

@@ -28,6 +28,7 @@ struct SuperviseConfig {
   double window_s = 60.0;
 };
 
+/// A session file, read and checked, with its scene.
 struct SessionConfig {
   rtbus::Session session;  ///< Name, mode and group of its shared-memory segments.
   SuperviseConfig supervise;

@@ -23,10 +23,9 @@ std::shared_ptr<const TriangleMesh> read_generated(Map& mesh, const char* kind) 
   return std::make_shared<const TriangleMesh>(rabbit ? make_rabbit(nodes, length_m) : make_ball(nodes, length_m));
 }
 
-std::shared_ptr<const TriangleMesh> read_file(Map& mesh) {
+std::shared_ptr<const TriangleMesh> read_skin(Map& mesh) {
   Map keys = mesh.map("obj");
-  const std::string file = keys.existing_file("file");
-  auto out = std::make_shared<const TriangleMesh>(read_obj(file, keys.number("metres_per_unit", {1e-6, 1e3}, 1.0)));
+  const auto out = read_mesh_file(keys);
   if (out->triangles.empty()) keys.fail("file", "has no face (no line that begins with f), so there is no surface");
   if (out->vertices_m.size() > kMaxNodes) {
     keys.fail("file", "has " + std::to_string(out->vertices_m.size()) + " vertices; a soft body may have " +
@@ -46,7 +45,7 @@ std::shared_ptr<const TriangleMesh> read_mesh(Map& body) {
   if (names.front() == "rabbit" || names.front() == "ball") {
     out = read_generated(mesh, names.front().c_str());
   } else if (names.front() == "obj") {
-    out = read_file(mesh);
+    out = read_skin(mesh);
   } else {
     body.fail("mesh", "is made in a way that is not known: " + names.front() + "; " + kKnown);
   }

@@ -16,6 +16,7 @@ namespace rtbus::config {
 /// per iteration, as the solver takes them.
 struct SoftBody {
   std::string name;                                          ///< Unique in the scene, among the rigid bodies too.
+  std::string source;                                        ///< Where it stands, for messages: see Body::source.
   std::shared_ptr<const TriangleMesh> mesh;                  ///< At rest, in the body's frame.
   bool closed = false;                                       ///< The mesh encloses a volume.
   Eigen::Vector3d p_WB = Eigen::Vector3d::Zero();            ///< [m]

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <string>
 
 namespace rtbus::detail {
@@ -48,6 +49,10 @@ struct FileId {
 [[nodiscard]] inline bool look_up(const std::string& name, struct stat& out) noexcept {
   const std::string path = std::string(kShmDirectory) + "/" + name;
   return ::lstat(path.c_str(), &out) == 0;
+}
+/// A file of ours has all its blocks from the beginning; one with holes was made or cut by somebody else.
+[[nodiscard]] inline bool has_holes(const struct stat& status) noexcept {
+  return static_cast<std::uint64_t>(status.st_blocks) * 512 < static_cast<std::uint64_t>(status.st_size);
 }
 [[nodiscard]] inline bool leads_to(const std::string& name, const FileId& id) noexcept {
   struct stat status {};

@@ -1,6 +1,6 @@
 #pragma once
 /// @file header_check.hpp
-/// Writing a segment's header, and reading one that nobody vouches for. Private to rtbus.
+/// Writes a segment's header, and reads and checks one that is not trusted. Private to rtbus.
 #include <cstring>
 #include <string>
 
@@ -30,6 +30,7 @@ inline void write_header(std::byte* base, const SampleDescription& sample, std::
     record->type = static_cast<std::uint32_t>(field.type);
     record->offset = field.offset;
     record->count = field.count;
+    record->inner = field.inner;
     ++record;
   }
 }
@@ -104,6 +105,7 @@ struct CheckedHeader {
     field.type = static_cast<FieldType>(record.type);
     field.offset = record.offset;
     field.count = record.count;
+    field.inner = record.inner != 0 && record.count % record.inner == 0 ? record.inner : 1;
     description.fields.push_back(std::move(field));
   }
   return checked;

@@ -61,9 +61,14 @@ struct FieldRecord {
   std::uint32_t type;
   std::uint32_t offset;
   std::uint32_t count;
-  std::uint32_t reserved;
+  std::uint32_t inner;  ///< Field::inner; 0 from writers that do not tell it.
 };
 static_assert(sizeof(FieldRecord) == 72);
+
+/// Where the fields' records end.
+constexpr std::size_t header_end(std::uint32_t field_count) noexcept {
+  return sizeof(SegmentHeader) + std::size_t{field_count} * sizeof(FieldRecord);
+}
 
 /// The only bytes that a reader may write, and only one that sleeps.
 struct Doorbell {

@@ -1,4 +1,6 @@
 #pragma once
+// The figures of the proof keep their columns.
+// clang-format off
 /// @file seqlock.hpp
 /// The copying protocol of a topic. Private to rtbus. After H.-J. Boehm, "Can seqlocks get along with programming
 /// language memory models?", MSPC 2012: the payload moves as atomic words, so no read is a data race. Unlike the
@@ -17,14 +19,14 @@
 /// Why an accepted copy is whole. Let the reader see 2n in R2 and in R4.
 ///  * No word is older than n: R2 read the value of W3, release/acquire makes W2 of sample n happen before R3, and
 ///    coherence forbids R3 to return anything earlier in that word's modification order.
-///  * No word is newer: suppose R3 read a word of sample m = n + k·capacity. That was W2 of m, a release store
-///  sequenced
-///    after W1 of m; R3 acquires it, so W1 of m happens before R4, and by coherence R4 returns 2m − 1 or later. Not 2n.
+///  * No word is newer: suppose R3 read a word of sample m = n + k·capacity. That was W2 of m, a release store that
+///    comes after W1 of m in its thread; R3 acquires it, so W1 of m happens before R4, and by coherence R4 returns
+///    2m − 1 or later. Not 2n.
 ///
-///         writer   …  W1: seq=2m−1 ─┐ W2: word_0 (release) ──────┐          W2: word_1 …
-///         reader   R2: 2n ✓         └──── happens before ────┐   └→ R3: word_0 (acquire)  R3: word_1   R4: 2m−1 ✗
-///         rejected
-///                                                            └───────────────────────────────────────────┘
+///         writer of m    W1: seq = 2m − 1  ──>  W2: word_i = payload_i
+///                                                         │ R3 reads what W2 wrote: synchronises with it
+///                                                         v
+///         reader of n    R2: seq == 2n  ──────>  R3: copy_i = word_i  ──>  R4: seq is 2m − 1: the copy is rejected
 ///
 ///    x86-64 keeps stores in order and loads in order by itself; only the compiler has to be held. AArch64 reorders
 ///    both: W2's stlr keeps W1 before the words, W3's keeps the words before 2n; R3's ldar keeps R4 after the words.
@@ -38,11 +40,15 @@
 /// tests/model/bus.pml checks all of this by exhaustion.
 ///
 /// Nothing found in the segment is trusted: the slot index is masked by the locally held capacity, a number above
-/// kMaxSequence or behind what was already read is never followed, and every loop has a bound.
+/// kMaxSequence is never followed, and every loop has a bound. A number behind what was already read is damage, there
+/// or earlier: it is followed once it has grown kGrownBehind times, so that one wild number that was believed does not
+/// silence a reader for ever.
+// clang-format on
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <utility>
 
 #include "rtbus/detail/layout.hpp"
 #include "rtbus/realtime.hpp"
@@ -51,8 +57,12 @@ namespace rtbus::detail {
 
 /// Copies attempted before giving up on a writer that overtakes the reader.
 inline constexpr int kMaxTries = 3;
+/// A counter that grew so often behind what was read before is the writer's own, and what was read before was damage.
+inline constexpr int kGrownBehind = 3;
 /// A number that 10 kHz reaches after 14 million years: anything above is damage, and 2n must not wrap.
 inline constexpr std::uint64_t kMaxSequence = std::uint64_t{1} << 62;
+/// A writer that finds a higher counter begins anew: it is damage, and these numbers would end before the writer does.
+inline constexpr std::uint64_t kMaxTakenOver = kMaxSequence / 2;
 
 /// A segment's ring, as checked on opening. The numbers are local copies: later damage in the segment cannot change
 /// them.
@@ -75,7 +85,9 @@ class RingWriter {
  public:
   RingWriter() = default;
   explicit RingWriter(const RingView& view) noexcept
-      : view_(view), newest_(view.newest->load(std::memory_order_acquire)) {}
+      : view_(view), newest_(view.newest->load(std::memory_order_acquire)) {
+    if (newest_ > kMaxTakenOver) newest_ = 0;
+  }
 
   template <std::size_t kWords>
   void publish(const void* source, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING {
@@ -109,9 +121,17 @@ class RingWriter {
   std::uint64_t newest_ = 0;  ///< Local: what the segment says later is not asked again.
 };
 
-enum class RingRead : std::uint8_t { kFresh, kSame, kLapped };
+/// A judge of samples (RingReader) that refuses none.
+struct BelievesAll {
+  bool operator()(const void*, std::uint64_t) const noexcept { return true; }
+};
+
+enum class RingRead : std::uint8_t { kFresh, kSame, kLapped, kRefused };
 
 /// The reading end; one thread. Never stores into the segment. @realtime everything.
+///
+/// Each read takes a judge, `bool(const void* payload, std::uint64_t stamp_ns)`: a whole copy that it does not believe
+/// is refused. read_next() passes over such a sample; read_latest() waits for the one after it.
 class RingReader {
  public:
   RingReader() = default;
@@ -129,39 +149,42 @@ class RingReader {
   }
 
   /// Copies the newest sample to `out` (kWords × 8 bytes); `out`, `sequence`, `stamp_ns` change only on kFresh.
-  template <std::size_t kWords>
-  [[nodiscard]] RingRead read_latest(void* out, std::uint64_t& sequence,
-                                     std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
+  template <std::size_t kWords, class Judge = BelievesAll>
+  [[nodiscard]] RingRead read_latest(void* out, std::uint64_t& sequence, std::uint64_t& stamp_ns,
+                                     const Judge& judge = {}) noexcept RTBUS_NONBLOCKING {
     std::uint64_t words[kWords];
-    const RingRead result = latest(FirstWords{words, kWords}, sequence, stamp_ns);
+    const RingRead result = latest(FirstWords{words, kWords}, words, judge, sequence, stamp_ns);
     if (result == RingRead::kFresh) std::memcpy(out, words, sizeof words);
     return result;
   }
-  template <std::size_t kWords>
-  [[nodiscard]] RingRead read_next(void* out, std::uint64_t& sequence,
-                                   std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
+  template <std::size_t kWords, class Judge = BelievesAll>
+  [[nodiscard]] RingRead read_next(void* out, std::uint64_t& sequence, std::uint64_t& stamp_ns,
+                                   const Judge& judge = {}) noexcept RTBUS_NONBLOCKING {
     std::uint64_t words[kWords];
-    const RingRead result = next(FirstWords{words, kWords}, sequence, stamp_ns);
+    const RingRead result = next(FirstWords{words, kWords}, words, judge, sequence, stamp_ns);
     if (result == RingRead::kFresh) std::memcpy(out, words, sizeof words);
     return result;
   }
 
   /// The same for a size known only at run time. `words` holds view.words and is scribbled on unless kFresh.
-  [[nodiscard]] RingRead read_latest(std::uint64_t* words, std::uint64_t& sequence,
-                                     std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
-    return latest(FirstWords{words, view_.words}, sequence, stamp_ns);
+  template <class Judge = BelievesAll>
+  [[nodiscard]] RingRead read_latest(std::uint64_t* words, std::uint64_t& sequence, std::uint64_t& stamp_ns,
+                                     const Judge& judge = {}) noexcept RTBUS_NONBLOCKING {
+    return latest(FirstWords{words, view_.words}, words, judge, sequence, stamp_ns);
   }
-  [[nodiscard]] RingRead read_next(std::uint64_t* words, std::uint64_t& sequence,
-                                   std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
-    return next(FirstWords{words, view_.words}, sequence, stamp_ns);
+  template <class Judge = BelievesAll>
+  [[nodiscard]] RingRead read_next(std::uint64_t* words, std::uint64_t& sequence, std::uint64_t& stamp_ns,
+                                   const Judge& judge = {}) noexcept RTBUS_NONBLOCKING {
+    return next(FirstWords{words, view_.words}, words, judge, sequence, stamp_ns);
   }
 
   /// Copies of the newest sample its first `head_words` and, of each column, the rows that the head counts: any part of
   /// a sample that was read between R2 and R4 is whole. `out` has room for a sample, is scribbled on unless kFresh, and
   /// keeps what it had in the rows left out.
-  template <class Columns>
+  template <class Columns, class Judge>
   [[nodiscard]] RingRead read_latest_rows(std::byte* out, std::size_t head_words, const Columns& columns,
-                                          std::uint64_t& sequence, std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
+                                          std::uint64_t& sequence, std::uint64_t& stamp_ns,
+                                          const Judge& judge) noexcept RTBUS_NONBLOCKING {
     const auto copy_words = [out](const SharedU64* payload, std::size_t first, std::size_t count) noexcept {
       for (std::size_t i = first; i < first + count; ++i) {
         const std::uint64_t word = payload[i].load(std::memory_order_acquire);
@@ -177,10 +200,12 @@ class RingReader {
         copy_words(payload, column.offset / 8, (rows * column.row_bytes + 7) / 8);
       }
     };
-    return latest(head_and_rows, sequence, stamp_ns);
+    return latest(head_and_rows, out, judge, sequence, stamp_ns);
   }
 
   [[nodiscard]] std::uint64_t missed() const noexcept RTBUS_NONBLOCKING { return missed_; }
+  /// Samples that a judge refused.
+  [[nodiscard]] std::uint64_t refused() const noexcept RTBUS_NONBLOCKING { return refused_; }
   /// Number of the last sample read, or of the last one before start(): what a sleeper has to see surpassed.
   [[nodiscard]] std::uint64_t last_sequence() const noexcept RTBUS_NONBLOCKING { return next_ - 1; }
 
@@ -205,33 +230,43 @@ class RingReader {
     return slot[0].load(std::memory_order_relaxed) == 2 * n;  // R4; kept behind R3 by R3's acquire
   }
 
-  template <class Take>
-  [[gnu::always_inline]] RingRead latest(const Take& take, std::uint64_t& sequence,
+  /// `copied` is where `take` puts the payload.
+  template <class Take, class Judge>
+  [[gnu::always_inline]] RingRead latest(const Take& take, void* copied, const Judge& judge, std::uint64_t& sequence,
                                          std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
     for (int attempt = 0; attempt < kMaxTries; ++attempt) {
       const std::uint64_t n = view_.newest->load(std::memory_order_acquire);  // R1
-      if (n <= last_) return RingRead::kSame;  // also a counter that jumped back: never follow it
+      if (n < last_ && went_back(n)) last_ = n - 1;
+      if (n <= last_) return RingRead::kSame;
       if (n > kMaxSequence) return RingRead::kLapped;
       std::uint64_t stamp;
-      if (copy(n, take, stamp)) return accept(n, stamp, sequence, stamp_ns);
+      if (!copy(n, take, stamp)) continue;
+      if (judge(copied, stamp)) return accept(n, stamp, sequence, stamp_ns);
+      if (std::exchange(last_refused_, n) != n) ++refused_;
+      return RingRead::kRefused;
     }
     return RingRead::kLapped;
   }
 
-  template <class Take>
-  [[gnu::always_inline]] RingRead next(const Take& take, std::uint64_t& sequence,
+  template <class Take, class Judge>
+  [[gnu::always_inline]] RingRead next(const Take& take, void* copied, const Judge& judge, std::uint64_t& sequence,
                                        std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
     // The jump is taken over only with a good copy: a counter or a slot that is damaged for a while costs nothing.
     std::uint64_t wanted = next_;
     for (int attempt = 0; attempt < kMaxTries; ++attempt) {
       const std::uint64_t newest = view_.newest->load(std::memory_order_acquire);  // R1
+      if (newest < wanted - 1 && went_back(newest)) wanted = next_ = newest;
       if (newest < wanted) return RingRead::kSame;
       if (newest > kMaxSequence) return RingRead::kLapped;
       if (newest - wanted >= view_.capacity) wanted = oldest_safe(newest);
       std::uint64_t stamp;
       if (copy(wanted, take, stamp)) {
         missed_ += wanted - next_;
-        return accept(wanted, stamp, sequence, stamp_ns);
+        if (judge(copied, stamp)) return accept(wanted, stamp, sequence, stamp_ns);
+        ++missed_;
+        ++refused_;
+        next_ = wanted + 1;
+        return RingRead::kRefused;
       }
       // Overtaken while copying. One further on at least: a damaged slot does not hold the reader up.
       const std::uint64_t safe = oldest_safe(view_.newest->load(std::memory_order_acquire));
@@ -244,9 +279,19 @@ class RingReader {
                                          std::uint64_t& stamp_ns) noexcept RTBUS_NONBLOCKING {
     last_ = n;
     next_ = n + 1;
+    behind_ = 0;
+    grown_behind_ = 0;
     sequence = n;
     stamp_ns = stamp;
     return RingRead::kFresh;
+  }
+
+  /// `newest` is behind what was read. True once it has grown there often enough to be the writer's own.
+  [[nodiscard]] bool went_back(std::uint64_t newest) noexcept RTBUS_NONBLOCKING {
+    if (newest < behind_) grown_behind_ = 0;
+    if (newest > behind_) ++grown_behind_;
+    behind_ = newest;
+    return grown_behind_ >= kGrownBehind;
   }
 
   /// Where a reader that was overtaken goes on: some slots away from the one to be overwritten next.
@@ -260,6 +305,10 @@ class RingReader {
   std::uint64_t last_ = 0;  ///< Last sample accepted; 0: none, so the first read_latest() takes whatever is there.
   std::uint64_t next_ = 1;  ///< What read_next() wants.
   std::uint64_t missed_ = 0;
+  std::uint64_t refused_ = 0;
+  std::uint64_t last_refused_ = 0;  ///< By read_latest(), which may meet it again.
+  std::uint64_t behind_ = 0;        ///< The newest counter seen behind what was read; 0: none since the last sample.
+  int grown_behind_ = 0;            ///< How often it grew there.
 };
 
 }  // namespace rtbus::detail

@@ -14,6 +14,23 @@ namespace {
 
 using h5::Handle;
 
+// A file may come from anybody: what it says about sizes is checked before anything is allocated or read.
+constexpr std::size_t kLongestText = 64U << 20;  // of a configuration file, an attribute or a mark
+constexpr std::size_t kLargestSample = 1U << 20;
+/// deflate makes data at most 1032 times smaller (zlib's manual); and what a recording that is being written has not
+/// stored yet.
+constexpr std::uint64_t kMostCompression = 1032, kNotYetStored = 256U << 20;
+
+/// One value, and no more: what is read into a variable.
+bool is_single(const Handle& space) { return space && H5Sget_simple_extent_npoints(space.id()) == 1; }
+
+/// Bytes of a text of fixed length; 0: it is something else, or too long.
+std::size_t text_bytes(hid_t type) {
+  if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) != 0) return 0;
+  const std::size_t bytes = H5Tget_size(type);
+  return bytes <= kLongestText ? bytes : 0;
+}
+
 Handle attribute(hid_t object, const char* name) {
   if (H5Aexists(object, name) <= 0) return {};
   return {H5Aopen(object, name, H5P_DEFAULT), &H5Aclose};
@@ -22,9 +39,9 @@ Handle attribute(hid_t object, const char* name) {
 std::string text_attribute(hid_t object, const char* name) {
   const Handle found = attribute(object, name);
   if (!found) return {};
-  const Handle type(H5Aget_type(found.id()), &H5Tclose);
-  if (H5Tget_class(type.id()) != H5T_STRING || H5Tis_variable_str(type.id()) > 0) return {};
-  std::string text(H5Tget_size(type.id()), '\0');
+  const Handle type(H5Aget_type(found.id()), &H5Tclose), space(H5Aget_space(found.id()), &H5Sclose);
+  std::string text(is_single(space) ? text_bytes(type.id()) : 0, '\0');
+  if (text.empty()) return {};
   if (H5Aread(found.id(), type.id(), text.data()) < 0) return {};
   text.resize(std::strlen(text.c_str()));
   return text;
@@ -32,7 +49,10 @@ std::string text_attribute(hid_t object, const char* name) {
 
 std::uint64_t number_attribute(hid_t object, const char* name) {
   unsigned long long value = 0;
-  if (const Handle found = attribute(object, name)) (void)H5Aread(found.id(), H5T_NATIVE_ULLONG, &value);
+  const Handle found = attribute(object, name);
+  if (!found) return 0;
+  const Handle space(H5Aget_space(found.id()), &H5Sclose);
+  if (is_single(space)) (void)H5Aread(found.id(), H5T_NATIVE_ULLONG, &value);
   return value;
 }
 
@@ -75,6 +95,15 @@ std::array<hsize_t, 2> shape(hid_t dataset) {
   const Handle space(H5Dget_space(dataset), &H5Sclose);
   if (H5Sget_simple_extent_ndims(space.id()) <= 2) (void)H5Sget_simple_extent_dims(space.id(), size.data(), nullptr);
   return size;
+}
+
+/// The file may well hold so many values.
+bool plausible(hid_t dataset, hid_t type) {
+  const auto [rows, count] = shape(dataset);
+  const std::uint64_t most =
+      std::min<std::uint64_t>(H5Dget_storage_size(dataset), 1ULL << 48) * kMostCompression + kNotYetStored;
+  const std::uint64_t value = H5Tget_size(type);
+  return value > 0 && count <= most / value && (count == 0 || rows <= most / (value * count));
 }
 
 /// Reads rows [first, first + rows) and elements [element, element + count) as `memory_type`.
@@ -125,14 +154,18 @@ bool Recording::Impl::read_topic(const std::string& name) {
   topic.name = name;
   topic.type_name = text_attribute(group.id(), "type");
   topic.sample_bytes = static_cast<std::uint32_t>(number_attribute(group.id(), "sample_bytes"));
+  if (topic.sample_bytes > kLargestSample) return false;
   topic.rows = UINT64_MAX;
   for (const std::string& link : links(group.id())) {
     const Handle data(H5Dopen2(group.id(), link.c_str(), H5P_DEFAULT), &H5Dclose);
     if (!data) return false;
     if (link == "dropped") {
-      (void)H5Dread(data.id(), H5T_NATIVE_UINT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, &topic.dropped);
+      const Handle space(H5Dget_space(data.id()), &H5Sclose);
+      if (is_single(space)) (void)H5Dread(data.id(), H5T_NATIVE_UINT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, &topic.dropped);
       continue;
     }
+    const Handle type(H5Dget_type(data.id()), &H5Tclose);
+    if (!plausible(data.id(), type.id())) return false;
     const auto [rows, count] = shape(data.id());
     topic.rows = std::min<std::uint64_t>(topic.rows, rows);  // a cut-off recording may end in the middle of a row
     if (link == "sequence" || link == "stamp_ns") continue;
@@ -140,7 +173,6 @@ bool Recording::Impl::read_topic(const std::string& name) {
     field.name = link;
     field.unit = text_attribute(data.id(), "unit");
     field.offset = static_cast<std::uint32_t>(number_attribute(data.id(), "offset"));
-    const Handle type(H5Dget_type(data.id()), &H5Tclose);
     if (!field_type_of(type.id(), field.type)) return false;
     field.count = static_cast<std::uint32_t>(field.type == FieldType::kText ? H5Tget_size(type.id()) : count);
     const std::uint64_t end = field.offset + std::uint64_t{field.count} * field_type_bytes(field.type);
@@ -205,7 +237,8 @@ std::vector<RecordedMark> Recording::marks() const {
   if (!stamps || !texts) return {};
   const hsize_t rows = std::min(shape(stamps.id())[0], shape(texts.id())[0]);
   const Handle type(H5Dget_type(texts.id()), &H5Tclose);
-  const std::size_t bytes = H5Tget_size(type.id());
+  const std::size_t bytes = text_bytes(type.id());
+  if (bytes == 0 || !plausible(texts.id(), type.id()) || !plausible(stamps.id(), H5T_NATIVE_UINT64)) return {};
   std::vector<std::uint64_t> when(rows);
   std::vector<char> what(rows * bytes);
   if (!read_block(stamps.id(), H5T_NATIVE_UINT64, 0, rows, 0, 1, when.data()) ||
@@ -225,13 +258,42 @@ std::vector<ConfigFile> Recording::config() const {
   const Handle group(H5Gopen2(impl_->file.id(), "config", H5P_DEFAULT), &H5Gclose);
   for (const std::string& name : links(group.id())) {
     const Handle data(H5Dopen2(group.id(), name.c_str(), H5P_DEFAULT), &H5Dclose);
-    const Handle type(H5Dget_type(data.id()), &H5Tclose);
-    std::string text(H5Tget_size(type.id()), '\0');
-    if (H5Dread(data.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()) < 0) continue;
+    if (!data) continue;
+    const Handle type(H5Dget_type(data.id()), &H5Tclose), space(H5Dget_space(data.id()), &H5Sclose);
+    std::string text(is_single(space) ? text_bytes(type.id()) : 0, '\0');
+    if (text.empty() || H5Dread(data.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, text.data()) < 0) continue;
     text.resize(std::strlen(text.c_str()));
     files.push_back({text_attribute(data.id(), "path"), std::move(text)});
   }
   return files;
+}
+
+std::vector<std::string> Recording::body_names() const {
+  if (H5Lexists(impl_->file.id(), "bodies", H5P_DEFAULT) <= 0) return {};
+  const Handle data(H5Dopen2(impl_->file.id(), "bodies/name", H5P_DEFAULT), &H5Dclose);
+  if (!data) return {};
+  const Handle type(H5Dget_type(data.id()), &H5Tclose);
+  const std::size_t bytes = text_bytes(type.id());
+  if (bytes == 0 || !plausible(data.id(), type.id())) return {};
+  const hsize_t rows = shape(data.id())[0];
+  std::vector<char> text(rows * bytes);
+  if (!read_block(data.id(), type.id(), 0, rows, 0, 1, text.data())) return {};
+  std::vector<std::string> names(rows);
+  for (hsize_t i = 0; i < rows; ++i) {
+    const char* const name = text.data() + i * bytes;
+    names[i].assign(name, ::strnlen(name, bytes));
+  }
+  return names;
+}
+
+std::vector<std::string> Recording::commands() const {
+  const Handle group(H5Gopen2(impl_->file.id(), "config", H5P_DEFAULT), &H5Gclose);
+  const std::string text = group ? text_attribute(group.id(), "commands") : std::string();
+  std::vector<std::string> lines;
+  for (std::size_t from = 0, to = 0; (to = text.find('\n', from)) != std::string::npos; from = to + 1) {
+    lines.push_back(text.substr(from, to - from));
+  }
+  return lines;
 }
 
 std::vector<std::uint64_t> Recording::Impl::numbers(const RecordedTopic& topic, const char* name, std::uint64_t first,

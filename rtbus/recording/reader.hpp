@@ -23,11 +23,13 @@ struct RecordedTopic {
   std::uint64_t dropped = 0;  ///< Samples that the recorder lost.
 };
 
+/// An event that was noted during the recording (`rtbus mark`).
 struct RecordedMark {
   std::uint64_t stamp_ns = 0;
   std::string text;
 };
 
+/// A recording, open for reading.
 class Recording {
  public:
   [[nodiscard]] static Result<Recording, Fault> open(const std::string& path);
@@ -46,6 +48,9 @@ class Recording {
   [[nodiscard]] const RecordedTopic* find(std::string_view name) const noexcept;
   [[nodiscard]] std::vector<RecordedMark> marks() const;
   [[nodiscard]] std::vector<ConfigFile> config() const;
+  /// In the order of physics.body_poses; empty where the recorder did not know them.
+  [[nodiscard]] std::vector<std::string> body_names() const;
+  [[nodiscard]] std::vector<std::string> commands() const;  ///< Command lines of the nodes, words apart by blanks.
 
   /// Stamps, or sequence numbers, of rows [first, first + count) of a topic; fewer at the end.
   [[nodiscard]] std::vector<std::uint64_t> stamps_ns(const RecordedTopic& topic, std::uint64_t first = 0,

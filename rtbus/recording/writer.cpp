@@ -152,6 +152,25 @@ struct Topic {
   bool dropped_changed = false;
 };
 
+/// `bodies/name`: one row per body.
+bool write_body_names(hid_t root, const std::vector<std::string>& names) {
+  if (names.empty()) return true;
+  std::size_t longest = 1;
+  for (const std::string& name : names) longest = std::max(longest, name.size());
+  std::string rows;
+  for (const std::string& name : names) {
+    rows += name;
+    rows.resize((&name - names.data() + 1) * longest);
+  }
+  const hsize_t count = names.size();
+  const Handle type = h5::text_type(longest);
+  const Handle space(H5Screate_simple(1, &count, nullptr), &H5Sclose);
+  const Handle group(H5Gcreate2(root, "bodies", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), &H5Gclose);
+  const Handle data(H5Dcreate2(group.id(), "name", type.id(), space.id(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+                    &H5Dclose);
+  return data && H5Dwrite(data.id(), type.id(), H5S_ALL, H5S_ALL, H5P_DEFAULT, rows.data()) >= 0;
+}
+
 Fault fault(const std::string& what) { return {what + ": " + h5::last_error()}; }
 
 }  // namespace
@@ -223,7 +242,8 @@ Result<Writer, Fault> Writer::create(const std::string& path, Metadata metadata)
   }
   std::string commands;
   for (const std::string& command : about.commands) commands += command + '\n';
-  fine = fine && h5::set_attribute(config.id(), "commands", commands) && impl->create_marks();
+  fine = fine && h5::set_attribute(config.id(), "commands", commands) && write_body_names(root, about.body_names) &&
+         impl->create_marks();
   if (!fine) return Failure{fault("cannot write to " + path)};
   return Writer(std::move(impl));
 }

@@ -19,6 +19,7 @@ namespace rtbus::recording {
 
 inline constexpr char kSchema[] = "rtbus-recording/1";
 
+/// Why a recording could not be written or read.
 struct Fault {
   std::string message;  ///< What failed and what to do about it.
 };
@@ -36,14 +37,16 @@ inline constexpr std::uint64_t kReserveBytes = 16u << 20;
 /// What the file says about itself, and how it is written.
 struct Metadata {
   std::string session;
-  std::string version;                ///< Of this project.
-  std::string machine;                ///< Free text: CPU, kernel.
-  std::vector<std::string> commands;  ///< Command lines of the nodes.
-  std::vector<ConfigFile> config;     ///< Files that they were started with, as they are now.
-  int compression = 0;                ///< Deflate level 0…9.
+  std::string version;                  ///< Of this project.
+  std::string machine;                  ///< Free text: CPU, kernel.
+  std::vector<std::string> commands;    ///< Command lines of the nodes.
+  std::vector<ConfigFile> config;       ///< Files that they were started with, as they are now.
+  std::vector<std::string> body_names;  ///< In the order of physics.body_poses.
+  int compression = 0;                  ///< Deflate level 0…9.
   std::uint64_t reserve_bytes = kReserveBytes;
 };
 
+/// Writes one recording. Samples are collected in memory and written by flush().
 class Writer {
  public:
   /// Creates `path`; refuses to overwrite.
@@ -57,13 +60,13 @@ class Writer {
   /// with other fields) is kept apart as NAME~2.
   [[nodiscard]] Result<std::size_t, Fault> add_topic(const std::string& name, const Segment::Description& description);
 
-  /// Takes a sample in memory; flush() writes it. @param bytes As long as the description said.
+  /// Takes a sample in memory; flush() writes it. `bytes` is as long as the description said.
   void append(std::size_t topic, std::uint64_t sequence, std::uint64_t stamp_ns, std::span<const std::byte> bytes);
 
   /// Samples that the recorder lost on this topic since the start [count].
   void set_dropped(std::size_t topic, std::uint64_t count);
 
-  /// An event that somebody wanted noted; longer text is cut to 255 bytes.
+  /// Notes an event; longer text is cut to 255 bytes.
   void mark(std::uint64_t stamp_ns, const std::string& text);
 
   /// Writes what was appended and hands it to the operating system: from here on it survives this process.

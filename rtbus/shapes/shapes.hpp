@@ -1,7 +1,7 @@
 #pragma once
 /// @file shapes.hpp
 /// Analytic shapes: exact distance and normal of plane, sphere and box. A leaf that both nodes use (the `direct` force
-/// law and the analytic engine); depends on Eigen alone. Each shape stands in the frame of its body.
+/// method and the analytic engine); depends on Eigen alone. Each shape stands in the frame of its body.
 #include <variant>
 
 #include <Eigen/Core>
@@ -11,9 +11,11 @@ namespace rtbus::shapes {
 
 /// Half-space below the plane through the origin; outside is y > 0 of the body's frame.
 struct Plane {};
+/// A ball around the origin of the body's frame.
 struct Sphere {
   double radius_m = 0.0;
 };
+/// A box around the origin, its edges along the axes of the body's frame.
 struct Box {
   Eigen::Vector3d half_size_m = Eigen::Vector3d::Zero();
 };
@@ -21,13 +23,13 @@ using Shape = std::variant<Plane, Sphere, Box>;
 
 /// Nearest point of a surface.
 struct SurfacePoint {
-  double distance_m = 0.0;                              ///< Negative inside.
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();    ///< Outward, unit length, where the query was mapped to.
-  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();    ///< On the surface.
+  double distance_m = 0.0;                            ///< Negative inside.
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();  ///< Outward, unit length, where the query was mapped to.
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();  ///< On the surface.
 };
 
-/// Signed distance of `p` to `shape`, both in the body's frame. At a sphere's centre the normal is +y; inside a box it is
-/// that of the nearest face (the lower axis index wins a tie). @realtime Yes.
+/// Signed distance of `p` to `shape`, both in the body's frame. At a sphere's centre the normal is +y; inside a box it
+/// is that of the nearest face (the lower axis index wins a tie). @realtime Yes.
 [[nodiscard]] SurfacePoint nearest_surface(const Shape& shape, const Eigen::Vector3d& p) noexcept;
 
 /// A shape somewhere: X_WB as rotation and translation.

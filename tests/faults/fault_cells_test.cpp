@@ -1,5 +1,5 @@
 /// The cells of `rtbus evaluate faults`, each once, with what the machine's own pauses add to every bar.
-#include "tools/experiments/fault_cells.hpp"
+#include "tools/evaluation/faults/fault_cells.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,18 +16,19 @@
 namespace tools {
 namespace {
 
-FaultOutcome run(Fault fault) {
-  FaultSetup setup;
+FaultOutcome run(FaultSetup setup) {
   setup.program = std::string(RTBUS_BINARY_DIR) + "/rtbus";
-  setup.session_file = std::string(RTBUS_SOURCE_DIR) + "/config/wall_own_plant.yaml";
-  setup.session = std::string("fc-") + to_string(fault) + "-" + std::to_string(getpid());
+  setup.session_file = std::string(RTBUS_SOURCE_DIR) + "/config/" +
+                       (setup.device != nullptr ? setup.device->session : "wall_own_plant.yaml");
+  setup.session = "fc" + std::to_string(getpid()) + "-" + name_of(setup);
+  setup.session.resize(std::min<std::size_t>(setup.session.size(), 32));
   setup.report = testing::TempDir() + setup.session + ".json";
-  FaultOutcome out = run_fault_cell(fault, setup);
+  FaultOutcome out = run_fault_cell(setup);
   std::filesystem::remove(setup.report);
   std::printf(
       "%s: %.2f N before, zero after %.1f ms (promised %.0f), lowest %.3f N, back after %.0f ms, growth %.2f %%/ms, "
       "longest pause %.1f ms, %llu ticks of %llu due, %d restarts\n",
-      to_string(fault), out.before_n, out.zero_ms, promised_zero_ms(fault), out.lowest_n, out.back_ms,
+      name_of(setup), out.before_n, out.zero_ms, promised_zero_ms(setup), out.lowest_n, out.back_ms,
       100.0 * out.growth_per_ms, out.pause_ms, static_cast<unsigned long long>(out.ticks),
       static_cast<unsigned long long>(out.due), out.restarts);
   EXPECT_EQ(out.problem, "");
@@ -44,9 +45,9 @@ void expect_well_behaved(const FaultOutcome& out) {
   EXPECT_GE(out.back_ms, 0.0) << "the session resumes by itself";
 }
 
-void expect_zero_in_time(Fault fault, const FaultOutcome& out) {
+void expect_zero_in_time(const FaultSetup& setup, const FaultOutcome& out) {
   ASSERT_GE(out.zero_ms, 0.0);
-  EXPECT_LE(out.zero_ms, promised_zero_ms(fault) + 2.0 * out.pause_ms + 5.0);
+  EXPECT_LE(out.zero_ms, promised_zero_ms(setup) + 2.0 * out.pause_ms + 5.0);
 }
 
 /// Every tick that was due was served or counted as overrun.
@@ -56,8 +57,8 @@ void expect_ticks(const FaultOutcome& out) {
 }
 
 TEST(Faults, PhysicsKilledInMidPushFadesAndIsRestarted) {
-  const FaultOutcome out = run(Fault::kPhysicsKilled);
-  expect_zero_in_time(Fault::kPhysicsKilled, out);
+  const FaultOutcome out = run({.fault = Fault::kPhysicsKilled});
+  expect_zero_in_time({.fault = Fault::kPhysicsKilled}, out);
   expect_well_behaved(out);
   expect_ticks(out);
   EXPECT_EQ(out.restarts, 1);
@@ -65,26 +66,26 @@ TEST(Faults, PhysicsKilledInMidPushFadesAndIsRestarted) {
 }
 
 TEST(Faults, PhysicsStoppedFadesAndComesBackWhenItGoesOn) {
-  const FaultOutcome out = run(Fault::kPhysicsStopped);
-  expect_zero_in_time(Fault::kPhysicsStopped, out);
+  const FaultOutcome out = run({.fault = Fault::kPhysicsStopped});
+  expect_zero_in_time({.fault = Fault::kPhysicsStopped}, out);
   expect_well_behaved(out);
   expect_ticks(out);
   EXPECT_EQ(out.restarts, 0) << "a stopped process is not a dead one";
 }
 
 TEST(Faults, AHungEngineWithALiveHeartbeatFadesToo) {
-  const FaultOutcome out = run(Fault::kEngineHung);
+  const FaultOutcome out = run({.fault = Fault::kEngineHung});
   if (out.problem.find("may not be traced") != std::string::npos) GTEST_SKIP() << out.problem;
   EXPECT_GT(out.beats, 10u) << "the heartbeat must have gone on, else this was another fault";
-  expect_zero_in_time(Fault::kEngineHung, out);
+  expect_zero_in_time({.fault = Fault::kEngineHung}, out);
   expect_well_behaved(out);
   expect_ticks(out);
   EXPECT_EQ(out.restarts, 0);
 }
 
 TEST(Faults, AKilledHapticNodeLeavesTheHandFreeAndItsSuccessorBeginsSoftly) {
-  const FaultOutcome out = run(Fault::kHapticKilled);
-  expect_zero_in_time(Fault::kHapticKilled, out);
+  const FaultOutcome out = run({.fault = Fault::kHapticKilled});
+  expect_zero_in_time({.fault = Fault::kHapticKilled}, out);
   expect_well_behaved(out);
   EXPECT_TRUE(out.device_timed_out) << "it was the device that let go";
   EXPECT_EQ(out.restarts, 1);
@@ -92,13 +93,32 @@ TEST(Faults, AKilledHapticNodeLeavesTheHandFreeAndItsSuccessorBeginsSoftly) {
 }
 
 TEST(Faults, DeletedTopicsAreMadeAnewWithoutAStepOfForce) {
-  const FaultOutcome out = run(Fault::kTopicsDeleted);
+  const FaultOutcome out = run({.fault = Fault::kTopicsDeleted});
   expect_well_behaved(out);
   expect_ticks(out);
-  EXPECT_EQ(out.topics, 11) << "all of the session";
+  EXPECT_EQ(out.topics, 13) << "all of the session";
   EXPECT_EQ(out.topics_back, out.topics);
   EXPECT_EQ(out.restarts, 0);
 }
+
+class DeviceFaults : public testing::TestWithParam<const DeviceFault*> {};
+
+TEST_P(DeviceFaults, EndInZeroInTimeAndComeBackSoftlyOrNotAtAll) {
+  const FaultSetup setup{.fault = Fault::kDevice, .device = GetParam()};
+  const FaultOutcome out = run(setup);
+  expect_zero_in_time(setup, out);
+  EXPECT_EQ(out.restarts, 0);
+  if (comes_back(setup)) {
+    expect_well_behaved(out);
+  } else {
+    EXPECT_EQ(out.exit_status, 0);
+    EXPECT_THAT(out.left_over, testing::IsEmpty());
+    EXPECT_EQ(out.after_zero_n, 0.0) << "until the user has acted";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(StandIns, DeviceFaults, testing::ValuesIn(device_faults(true)),
+                         [](const auto& row) { return std::string(row.param->name); });
 
 // What the cells conclude from a trace, by traces that were made up.
 

@@ -162,7 +162,7 @@ TEST_F(Supervision, EndsWhenANodeWasEndedBySomebodyElse) {
   wait_until_followed();
   signal_node("physics", SIGTERM);
   EXPECT_EQ(ended_by_itself(), 1);
-  EXPECT_THAT(text(output_), HasSubstr("which nobody here asked for"));
+  EXPECT_THAT(text(output_), HasSubstr("which was not requested"));
   EXPECT_THAT(segments_of(bus_.name), IsEmpty());
 }
 

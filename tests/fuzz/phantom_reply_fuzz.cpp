@@ -8,7 +8,7 @@
 
 #include "drivers/phantom/phantom_kinematics.hpp"
 #include "drivers/phantom/phantom_message.hpp"
-#include "drivers/virtual_usb/phantom/phantom_firmware.hpp"
+#include "drivers/virtual_devices/phantom/phantom_firmware.hpp"
 
 namespace {
 

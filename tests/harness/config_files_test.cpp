@@ -1,4 +1,5 @@
 /// The session files that are shipped, read by every reader of every node; and sessions that the nodes must refuse.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "haptic_node/config_warnings.hpp"
 #include "haptic_node/node_config.hpp"
 #include "physics_node/engine_registry.hpp"
 #include "physics_node/node_config.hpp"
@@ -29,9 +31,23 @@ void read_everything(const std::string& file, const std::vector<Override>& overr
   if (session.physics) {
     const auto config = physics::read_node_config(session);
     // Without its module an engine cannot judge the scene; EngineRegistry.BuildsWhatItPromises notices a lost one.
-    if (!physics::engine_present(*physics::find_engine(config.physics.engine))) return;
+    const physics::EngineEntry& engine = *physics::find_engine(config.physics.engine);
+    const bool own_program = engine.name == physics::kExternalEngine || !engine.program.empty();
+    if (own_program || !physics::engine_present(engine)) return;
     (void)physics::make_world(config.physics.engine, config.scene, config.physics.engine_settings());
   }
+}
+
+/// What the nodes of a session warn of.
+std::vector<std::string> warnings_of(const std::string& file, const std::vector<Override>& overrides) {
+  auto session = rtbus::config::load_session(file, overrides);
+  std::vector<std::string> out;
+  if (session.physics) out = physics::read_node_config(session).warnings;
+  for (std::size_t i = 0; i < session.haptic.size(); ++i) {
+    const auto more = haptic::read_haptic_config(session, i).warnings;
+    out.insert(out.end(), more.begin(), more.end());
+  }
+  return out;
 }
 
 std::vector<std::string> shipped_sessions() {
@@ -42,21 +58,21 @@ std::vector<std::string> shipped_sessions() {
   return out;
 }
 
-/// Names a driver that a build without USB does not have.
-bool needs_usb(const std::filesystem::path& file) {
+/// Names a driver that this build does not have.
+bool lacks_driver(const std::filesystem::path& file) {
   std::ifstream in(file);
   const std::string text(std::istreambuf_iterator<char>(in), {});
-  for (const char* mark : {"driver: falcon", "driver: phantom", "devices/virtual_"}) {
-    if (text.find(mark) != text.npos) return true;
-  }
-  return false;
+  const auto names = [&](const char* mark) { return text.find(mark) != text.npos; };
+  if (!RTBUS_WITH_HAPLY && (names("driver: haply") || names("devices/virtual_inverse3"))) return true;
+  return !RTBUS_WITH_USB && (names("driver: falcon") || names("driver: phantom") || names("devices/virtual_falcon") ||
+                             names("devices/virtual_phantom"));
 }
 
 TEST(ShippedSessions, AreAcceptedByEveryReader) {
   const auto files = shipped_sessions();
   EXPECT_GE(files.size(), 11u);
   for (const std::string& file : files) {
-    if (!RTBUS_WITH_USB && needs_usb(file)) continue;
+    if (lacks_driver(file)) continue;
     EXPECT_NO_THROW(read_everything(file, {})) << file;
   }
 }
@@ -78,7 +94,7 @@ TEST(ShippedDevices, AreAcceptedInASession) {
       continue;
 #endif
     }
-    if (!RTBUS_WITH_USB && needs_usb(entry.path())) continue;
+    if (lacks_driver(entry.path())) continue;
     EXPECT_NO_THROW(read_everything(config + "wall.yaml", overrides)) << entry.path();
   }
   EXPECT_GE(devices, 5);
@@ -101,6 +117,22 @@ TEST(ShippedScenes, AreAcceptedInASession) {
   }
 }
 
+TEST(ShippedSessions, GiveNoWarning) {
+  for (const std::string& file : shipped_sessions()) {
+    if (lacks_driver(file)) continue;
+    EXPECT_THAT(warnings_of(file, {}), testing::IsEmpty()) << file;
+  }
+}
+
+class WarnedSession : public testing::TestWithParam<BadConfig> {};
+TEST_P(WarnedSession, GivesOneWarningWithPlaceCauseAndRemedy) {
+  const auto warnings = warnings_of(GetParam().file, GetParam().overrides);
+  ASSERT_THAT(warnings, testing::ElementsAre(testing::ContainsRegex(GetParam().expect)));
+  EXPECT_THAT(warnings.front(), testing::StartsWith("/")) << "begins with the place";
+  EXPECT_THAT(warnings.front(), testing::Not(testing::HasSubstr("\n")));
+}
+INSTANTIATE_TEST_SUITE_P(Files, WarnedSession, testing::ValuesIn(tests::bad_configs("warned")), tests::bad_config_name);
+
 TEST(HapticConfig, LowersAStiffnessThatTheDeviceDoesNotAllowAndKeepsBoth) {
   auto session =
       rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
@@ -117,6 +149,7 @@ TEST(HapticConfig, RaisesTheDampingOfACouplingToSlowPhysicsAndKeepsBoth) {
   const auto rendered = [](std::vector<std::string> settings) {
     settings.insert(settings.begin(), "haptic.0.coupling={stiffness_n_per_m: 1000, damping_n_s_per_m: 0.1}");
     std::vector<rtbus::config::Override> overrides;
+    overrides.reserve(settings.size());
     for (const std::string& text : settings) overrides.push_back(rtbus::config::parse_override(text));
     auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml", overrides);
     const auto config = haptic::read_haptic_config(session, 0);
@@ -127,6 +160,18 @@ TEST(HapticConfig, RaisesTheDampingOfACouplingToSlowPhysicsAndKeepsBoth) {
   EXPECT_LT(rendered({}), 0.1);  // 1 kHz: as requested
   EXPECT_LT(rendered({"physics.throttle_hz=18", "haptic.0.form=paper"}), 0.1);
   EXPECT_LT(rendered({"physics.throttle_hz=18", "haptic.0.method=local_contact"}), 0.1);
+}
+
+TEST(HapticConfig, SaysHowFarTheDampingWasRaised) {
+  const auto said = [](const std::string& throttle) {
+    auto session = rtbus::config::load_session(
+        std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
+        {rtbus::config::parse_override("haptic.0.coupling={stiffness_n_per_m: 1000, damping_n_s_per_m: 0.1}"),
+         rtbus::config::parse_override("physics.throttle_hz=" + throttle)});
+    return haptic::damping_raised(haptic::read_haptic_config(session, 0));
+  };
+  EXPECT_THAT(said("18"), testing::HasSubstr(", 20 % of critical: "));
+  EXPECT_EQ(said("null"), "");
 }
 
 // Without `method` a session gets the most exact one that its link and scene allow.
@@ -147,6 +192,18 @@ TEST(HapticConfig, ChoosesTheMethodThatTheSessionAllows) {
   EXPECT_EQ(chosen("two_hands.yaml", {}), "remote_virtual_coupling") << "each would have to know the other's spring";
   EXPECT_EQ(chosen("beads_mm.yaml", {}), "remote_virtual_coupling") << "10 mg before a tip of 10 g";
   EXPECT_EQ(chosen("beads_mm.yaml", {"scene.bodies.5.mass_kg=0.001"}), "local_contact");
+}
+
+// A program of the user's has bodies of its own: what the file says of a static one need not be there.
+TEST(HapticConfig, KnowsTheShapesOfTheFileOnlyWherePhysicsHasThem) {
+  const auto known = [](const std::string& engine) {
+    auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/tests/data/sessions/ridge.yaml",
+                                               {rtbus::config::parse_override("physics.engine=" + engine),
+                                                rtbus::config::parse_override("haptic.0.method=local_contact")});
+    return haptic::read_haptic_config(session, 0).hulls.size();
+  };
+  EXPECT_EQ(known("analytic"), 1U);
+  EXPECT_EQ(known("external"), 0U);
 }
 
 class BadNode : public testing::TestWithParam<BadConfig> {};

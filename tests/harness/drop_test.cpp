@@ -1,13 +1,13 @@
 /// The published outcomes of the drop (He & Choi 2013, Figs 8 to 11), pinned under the simulated clock. Outcomes are
 /// settled, oscillating and diverged; settling times are those of the simulated clock, never of a machine.
-#include "tools/experiments/drop.hpp"
+#include "tools/evaluation/drop/drop.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "tools/experiments/drop_sweeps.hpp"
+#include "tools/evaluation/drop/drop_sweeps.hpp"
 
 namespace {
 
@@ -153,12 +153,12 @@ TEST(JudgeFall, TakesNothingForGrantedOfATipThatWasNeverReleased) {
 // The safety ladder stays whatever the form: diverging, the hand still gets no more than the device's peak force.
 TEST(DropSafety, DivergenceIsClamped) {
   const auto trace = tools::representative_fall(options(), tools::drop_cases()[4]);
-  double law_n = 0.0;
+  double method_n = 0.0;
   for (std::size_t i = 0; i < trace.force_n.size(); ++i) {
     ASSERT_LE(std::abs(trace.force_n[i]), 7.9 + 1e-9);
-    law_n = std::max(law_n, std::abs(trace.rendered_n[i]));
+    method_n = std::max(method_n, std::abs(trace.rendered_n[i]));
   }
-  EXPECT_GT(law_n, 7.9);
+  EXPECT_GT(method_n, 7.9);
 }
 
 }  // namespace

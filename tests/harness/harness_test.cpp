@@ -192,8 +192,8 @@ TEST_P(BulletSession, RunsTwiceInTheSameWayAndTouches) {
   EXPECT_LE(peak_n, 7.9 + 1e-9);
 }
 
-// The hand rests on a plate that rises by 10 mm: at every tick the law's force follows from where hand and proxy are,
-// the proxy goes with the plate, and the hand, which has a grip of its own, feels it come and go.
+// The hand rests on a plate that rises by 10 mm: at every tick the method's force follows from where hand and proxy
+// are, the proxy goes with the plate, and the hand, which has a grip of its own, feels it come and go.
 TEST(MovingPlate, LiftsTheProxyAndTheForceFollowsTheLaw) {
   auto settings = session("moving_plate.yaml", {"haptic.0.method=remote_virtual_coupling"});
   Harness harness(settings, {});
@@ -204,9 +204,9 @@ TEST(MovingPlate, LiftsTheProxyAndTheForceFollowsTheLaw) {
     const double plate_m = 0.005 * (1.0 - std::cos(2.0 * M_PI * 0.5 * (t - 2.0)));
     // The mapping's offset is the proxy's radius: in D the proxy touches where the plate's face is.
     ASSERT_NEAR(tick.proxy_position_m[1], plate_m, 2e-4) << t;
-    const double law_n = 300.0 * (tick.proxy_position_m[1] - tick.position_m[1]) +
-                         0.5 * (tick.proxy_velocity_m_s[1] - tick.velocity_m_s[1]);
-    ASSERT_NEAR(tick.rendered_force_n[1], law_n, 1e-9) << t;
+    const double method_n = 300.0 * (tick.proxy_position_m[1] - tick.position_m[1]) +
+                            0.5 * (tick.proxy_velocity_m_s[1] - tick.velocity_m_s[1]);
+    ASSERT_NEAR(tick.rendered_force_n[1], method_n, 1e-9) << t;
     lowest_n = std::min(lowest_n, tick.force_n[1]);
     highest_n = std::max(highest_n, tick.force_n[1]);
   });
@@ -214,7 +214,7 @@ TEST(MovingPlate, LiftsTheProxyAndTheForceFollowsTheLaw) {
   EXPECT_GT(highest_n - lowest_n, 0.8) << "10 mm against springs of 300 N/m in series";
 }
 
-// Both hands hold the block up: each force is what its own law says, the vertical parts carry the weight, the
+// Both hands hold the block up: each force is what its own method says, the vertical parts carry the weight, the
 // horizontal ones squeeze and are equal.
 TEST(TwoHands, LiftTheBlockEachWithItsOwnForce) {
   auto settings = session("two_hands.yaml");
@@ -350,6 +350,33 @@ TEST(Clutch, MovesTheHandWithoutMovingTheToolAndReturnsWithoutAKick) {
   EXPECT_GT(harness.device_state().mapping_epoch, epoch);
   EXPECT_NEAR(harness.device_state().target_position_m[0], held[0], 2e-3) << "and goes on from where it was";
   harness.run(1.0, [&](const Telemetry& tick) { EXPECT_LT(norm(tick.force_n), 0.5) << "no spring was stretched"; });
+}
+
+// A hand rests in the wall while the enable button is let go and pressed again. The hand does not supply the energy of
+// the spring then: the world does, when it pushes the proxy out. Half of its answers are lost.
+TEST(Enable, AHandThatRestsInTheWallGetsTheWholeForceBack) {
+  std::string buttons = "{time_s: 0.0, button: 0, pressed: true}";
+  for (int i = 0; i < 4; ++i) {
+    buttons += ", {time_s: " + std::to_string(2 + i) +
+               ", button: 0, pressed: false}, {time_s: " + std::to_string(2.3 + i) + ", button: 0, pressed: true}";
+  }
+  const std::string device =
+      "{schema: device/1, driver: simulated, model: phantom_desktop, mechanics: {coulomb_n: 0}, hand: {type: push, "
+      "start_m: [0, 0.02, 0], direction: [0, -1, 0], distance_m: 0.025, speed_m_s: 0.05, impedance: normal, buttons: "
+      "[" +
+      buttons + "]}}";
+  HarnessOptions options;
+  options.lost_share = 0.5;
+  auto settings = session("wall.yaml", {"haptic.0.device=" + device, "haptic.0.enable_button=0"});
+  Harness harness(settings, options);
+  double before_n = 0.0, now_n = 0.0;
+  harness.run(1.95, [&](const Telemetry& tick) { before_n = norm(tick.force_n); });
+  ASSERT_GT(before_n, 0.5);
+  for (int i = 0; i < 4; ++i) {
+    harness.run(0.2, {});
+    harness.run(0.8, [&](const Telemetry& tick) { now_n = norm(tick.force_n); });
+    EXPECT_NEAR(now_n, before_n, 0.02 * before_n) << "after beginning " << i;
+  }
 }
 
 // The enable button is let go and pressed again within one step of slow physics, while the hand crosses the wall:

@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "tools/experiments/fall.hpp"
-#include "tools/experiments/force_profile.hpp"
-#include "tools/experiments/work_precision.hpp"
+#include "tools/cli/still/still_frame.hpp"
+#include "tools/evaluation/drop/fall.hpp"
+#include "tools/evaluation/shared/force_profile.hpp"
+#include "tools/evaluation/work_precision/work_precision.hpp"
 #include "tools/harness/harness.hpp"
-#include "tools/still_frame.hpp"
 
 namespace {
 
@@ -293,7 +293,7 @@ TEST(LocalContact, TwoHandsLiftABlock) {
   EXPECT_NEAR(squeeze_n, 1.45, 0.2);
 }
 
-// Physics is told where the law has the proxy, not where the hand is. A picture shows both.
+// Physics is told where the method has the proxy, not where the hand is. A picture shows both.
 TEST(LocalContact, IsDrawnWithTheHandApartFromTheProxy) {
   const Settings settings{"haptic.0.method=local_contact", "haptic.0.mapping.position_scale=2"};
   Harness harness = harness_of("wall.yaml", settings);

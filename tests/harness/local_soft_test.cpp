@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/experiments/soft_stroke.hpp"
+#include "tools/evaluation/soft/soft_stroke.hpp"
 #include "tools/harness/harness.hpp"
 
 namespace {

@@ -9,8 +9,8 @@
 
 #include "haptic_node/rendering/registry.hpp"
 #include "haptic_node/safety.hpp"
+#include "tools/cli/run/run_plan.hpp"
 #include "tools/harness/harness.hpp"
-#include "tools/run_plan.hpp"
 
 namespace {
 
@@ -146,8 +146,9 @@ TEST(Forms, ControlTheEnergyUnlessNobodyCanHoldTheDevice) {
 }
 
 TEST(LeftOut, NoPhysicsProcessIsStartedThatNoMethodAsksFor) {
-  for (const haptic::RendererEntry& law : haptic::registered_renderers()) {
-    const auto plan = tools::make_run_plan(config("drop_paper.yaml"), {"haptic.0.method=" + std::string(law.name), "haptic.0.form=improved"});
+  for (const haptic::MethodEntry& law : haptic::registered_methods()) {
+    const auto plan = tools::make_run_plan(config("drop_paper.yaml"),
+                                           {"haptic.0.method=" + std::string(law.name), "haptic.0.form=improved"});
     const bool physics =
         std::any_of(plan.nodes.begin(), plan.nodes.end(), [](const auto& node) { return node.name == "physics"; });
     EXPECT_EQ(physics, law.needs_physics) << law.name;

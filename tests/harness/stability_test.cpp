@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/experiments/parallel_cases.hpp"
-#include "tools/experiments/stability_run.hpp"
+#include "tools/evaluation/stability/parallel_cases.hpp"
+#include "tools/evaluation/stability/stability_run.hpp"
 
 namespace {
 
@@ -19,7 +19,7 @@ const std::string kSession = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml"
 struct Seed {
   std::uint64_t seed;
   /// "rest": settled, or on its way there; "small": likewise, or an oscillation below the bars; "steady": finite,
-  /// within the limit, and neither oscillation nor debt grow; "bounded": finite and within the limit.
+  /// within the limit, and neither oscillation nor deficit grow; "bounded": finite and within the limit.
   std::string outcome;
   std::string why;
 };
@@ -54,13 +54,13 @@ TEST_P(PastSeed, StaysMended) {
   const std::string& wanted = GetParam().outcome;
   if (wanted == "bounded") return;
   EXPECT_FALSE(result.growing);
-  EXPECT_LE(result.debt_growth_j, tools::kDebtBarJ);
+  EXPECT_LE(result.deficit_growth_j, tools::kDeficitBarJ);
   if (wanted == "steady") return;
   const bool small = wanted == "small" && result.outcome == StabilityOutcome::kLimitCycle;
   EXPECT_TRUE(small || result.outcome == StabilityOutcome::kSettled || result.outcome == StabilityOutcome::kMoving)
       << to_string(result.outcome) << ", swing " << result.swing_n << " N, " << result.swing_m * 1e3 << " mm";
-  EXPECT_GE(result.lowest_ledger_j, result.debt_bar_j());
-  EXPECT_LE(result.debt_s, tools::kDebtBarS);
+  EXPECT_GE(result.lowest_observed_j, result.deficit_bar_j());
+  EXPECT_LE(result.deficit_s, tools::kDeficitBarS);
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, PastSeed, testing::ValuesIn(seeds()),
@@ -89,7 +89,8 @@ TEST(StabilityCase, FindsThatThePublishedInterpolationDiverges) {
   EXPECT_EQ(result.above_limit, 0u);
 }
 
-// Nor one that never says "growing": this one, on the edge of what a law as published can do, grows for twelve seconds.
+// Nor one that never says "growing": this one, on the edge of what a method as published can do, grows for twelve
+// seconds.
 TEST(StabilityCase, FindsAnOscillationThatGrows) {
   const StabilityResult result = tools::run_case(tools::draw_case(10'011'517), kSession, {});
   EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << result.error;

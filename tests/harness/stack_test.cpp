@@ -1,7 +1,7 @@
 /// The push into stacks of cubes (He & Choi 2013, Figs 15 and 16), pinned under the simulated clock: at equal mean
 /// force remote coupling is the smoother one, at each of the paper's simulation rates and over its own loop. A
 /// small stack stands for all; `rtbus evaluate stack` runs the paper's.
-#include "tools/experiments/stack.hpp"
+#include "tools/evaluation/stack/stack.hpp"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "tools/tune_search.hpp"
+#include "tools/evaluation/tune/tune_search.hpp"
 
 namespace {
 

@@ -1,6 +1,7 @@
 /// The nodes as processes: what they map, and what they leave behind.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 
 #include "tests/support/nodes.hpp"
@@ -35,6 +36,7 @@ TEST(Devices, AreListedAlsoWhereThereIsNoUsb) {
   EXPECT_EQ(devices.wait(), 0);
   std::ifstream file(out);
   const std::string text((std::istreambuf_iterator<char>(file)), {});
+  unlink(out.c_str());
   EXPECT_NE(text.find("\"schema\": \"rtbus-devices/1\""), std::string::npos) << text;
 }
 
@@ -64,9 +66,10 @@ TEST_F(Nodes, AreCleanedUpAfterEverythingWasKilled) {
 }
 
 TEST_F(Nodes, AreEndedByCtrlCOfTheRunCommandWithNothingLeft) {
-  const std::string report = testing::TempDir() + bus_.name + ".json";
+  const std::string folder = testing::TempDir() + bus_.name, report = folder + "/report.json";
+  std::filesystem::create_directory(folder);
   Child run({binary("rtbus"), "run", std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml", "--set",
-             "session=" + bus_.name, "--report", report, "--plots", testing::TempDir() + bus_.name},
+             "session=" + bus_.name, "--report", report, "--plots", folder},
             "/dev/null");
   ASSERT_TRUE(reader<Telemetry>("haptic0.telemetry"));
   usleep(700'000);
@@ -74,6 +77,7 @@ TEST_F(Nodes, AreEndedByCtrlCOfTheRunCommandWithNothingLeft) {
   EXPECT_EQ(tests::segments_of(bus_.name), std::vector<std::string>{});
   std::ifstream file(report);
   std::string text((std::istreambuf_iterator<char>(file)), {});
+  std::filesystem::remove_all(folder);
   EXPECT_NE(text.find("rtbus-report/1"), std::string::npos);
 }
 

@@ -91,7 +91,7 @@ TEST_F(DeviceTools, ListArmsAndOneOfThemByItsSerial) {
   EXPECT_EQ(rtbus({"devices", "nobody", "--virtual", file}), 1);
   EXPECT_THAT(output(), HasSubstr("no device is called nobody"));
   EXPECT_EQ(rtbus({"devices", "--virtual", shipped("sim_phantom_desktop.yaml")}), 2);
-  EXPECT_THAT(output(), HasSubstr("has no virtual USB device"));
+  EXPECT_THAT(output(), HasSubstr("has no virtual device"));
 }
 
 TEST_F(DeviceTools, AskNothingWhenToldSo) {
@@ -226,7 +226,7 @@ TEST_F(DeviceTools, CalibrateBelievesNoZeroThatIsNotOne) {
 
 TEST_F(DeviceTools, CalibrateRefusesWhatHasNoUsb) {
   EXPECT_EQ(rtbus({"calibrate", shipped("sim_phantom_desktop.yaml")}), 1);
-  EXPECT_THAT(output(), HasSubstr("only devices over USB are calibrated"));
+  EXPECT_THAT(output(), HasSubstr("only real devices are calibrated"));
 }
 
 }  // namespace

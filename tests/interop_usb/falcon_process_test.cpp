@@ -108,13 +108,13 @@ TEST_F(FalconNode, HoldsTheWallAndEndsCleanly) {
   // How the link does is on the bus, for monitors and recordings.
   auto link = Reader<rtbus::LinkStats>::open(bus_, "haptic0.link_stats");
   ASSERT_TRUE(link);
-  Stamped<rtbus::LinkStats> news;
+  Stamped<rtbus::LinkStats> stats;
   EXPECT_TRUE(eventually(5.0, [&] {
-    return link->read_latest(news) == ReadStatus::kFresh && news.value.exchanges > 1000 &&
-           news.value.state == static_cast<std::uint32_t>(rtbus::LinkState::kRunning);
+    return link->read_latest(stats) == ReadStatus::kFresh && stats.value.exchanges > 1000 &&
+           stats.value.state == static_cast<std::uint32_t>(rtbus::LinkState::kRunning);
   }));
-  EXPECT_EQ(news.value.bad_frames, 0u);
-  EXPECT_GT(news.value.sample_to_wire_p50_us, 0.0);
+  EXPECT_EQ(stats.value.bad_frames, 0u);
+  EXPECT_GT(stats.value.sample_to_wire_p50_us, 0.0);
   EXPECT_NE(log().find("home the Falcon"), std::string::npos);
   EXPECT_NE(log().find("the device is ready"), std::string::npos);
   const int status = node_->end(SIGTERM);

@@ -10,7 +10,8 @@ inline constexpr double kStep_s = 1e-3;
 inline constexpr int kIterations = 10;
 inline constexpr int kWarmUpSteps = 50;  ///< Contacts are made, buffers have grown, nothing sleeps yet.
 /// The tool hangs in the air in front of the stack, on its spring.
-inline constexpr double kProxyMass_kg = 0.1, kProxyRadius_m = 0.005, kStiffness_n_per_m = 300.0, kDamping_n_s_per_m = 6.0;
+inline constexpr double kProxyMass_kg = 0.1, kProxyRadius_m = 0.005, kStiffness_n_per_m = 300.0,
+                        kDamping_n_s_per_m = 6.0;
 inline constexpr double kProxyHeight_m = 0.05, kProxyDistance_m = 0.03;
 
 struct Size {

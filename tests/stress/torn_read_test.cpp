@@ -152,6 +152,9 @@ Tally read_many(Reader<Flood>& reader, Way way, std::uint64_t wanted, std::uint6
       case ReadStatus::kLapped:
         ++tally.lapped;
         continue;
+      case ReadStatus::kRefused:  // no sample here is insane: only a torn one could be refused
+        ++tally.torn;
+        continue;
       case ReadStatus::kFresh:
         break;
     }

@@ -1,7 +1,7 @@
 #pragma once
 /// @file bad_config.hpp
-/// A table of wrong configuration files: each names, in its first line, what the error has to say. A reader is tested
-/// by running it over its folder of tests/data/bad_configs; adding a case is adding a file.
+/// A table of wrong configuration files: each names, in its first line, what the error (in warned/: the warning) has to
+/// say. A reader is tested by running it over its folder of tests/data/bad_configs; adding a case is adding a file.
 ///
 ///     # expect: physics\.rate_hz = 0 is below 1; choose 1…20000 Hz
 ///     # set: physics.rate_hz=0          (optional, any number: overrides as of --set)

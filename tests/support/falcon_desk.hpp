@@ -6,9 +6,9 @@
 
 #include "drivers/falcon/boot_stream.hpp"
 #include "drivers/falcon/falcon_protocol.hpp"
-#include "drivers/usb/io_device.hpp"
-#include "drivers/usb/libusb_channel.hpp"
-#include "drivers/virtual_usb/falcon/virtual_falcon.hpp"
+#include "drivers/usb_host/libusb_channel.hpp"
+#include "drivers/usb_host/usb_line.hpp"
+#include "drivers/virtual_devices/falcon/virtual_falcon.hpp"
 #include "drivers/virtual_usb/usbfs_shim.hpp"
 #include "rtbus/clock.hpp"
 
@@ -41,7 +41,7 @@ inline VirtualFalconSettings held(const Vector3d& at_m) {
 // A Falcon that is plugged in, its driver, and a loop.
 class Desk {
  public:
-  explicit Desk(VirtualFalconSettings settings, bool event_character = false)
+  explicit Desk(const VirtualFalconSettings& settings, bool event_character = false)
       : falcon(settings), port(rtbus_usbfs_shim()->attach(falcon, settings.board.faults)) {
     FalconSettings driver;
     FirmwareImage image = make_firmware_image(synthetic_boot_stream(2000), "synthetic").value();
@@ -49,9 +49,9 @@ class Desk {
     driver.firmware = std::make_shared<const FirmwareImage>(std::move(image));
     driver.event_character = event_character;
     usb::IoSettings io{.info = info()};
-    io.fetch_first = event_character;
+    if (event_character) io.order = usb::ExchangeOrder::kFetchFirst;
     io.device_paces = !event_character;
-    device = std::make_unique<usb::IoDevice>(
+    device = usb::make_io_device(
         io, usb::IoThread{}, [driver] { return std::make_unique<FalconProtocol>(driver); },
         [this](usb::StopFlag& stop) -> rtbus::Result<std::unique_ptr<usb::Channel>, DeviceFault> {
           const int fd = port->open();

@@ -7,8 +7,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdint>
 #include <dirent.h>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>

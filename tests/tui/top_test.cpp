@@ -9,7 +9,7 @@
 
 #include "tests/support/nodes.hpp"
 #include "tests/support/tmux.hpp"
-#include "tools/top_marks.hpp"
+#include "tools/cli/top/top_marks.hpp"
 
 namespace {
 
@@ -25,7 +25,7 @@ class Top : public tests::Nodes {
   }
   void TearDown() override {
     terminal_.reset();
-    unlink((settings_file() + ".pid").c_str());
+    for (const char* const end : {"", ".pid", ".after"}) unlink((settings_file() + end).c_str());
     if (tests::Tmux::available()) Nodes::TearDown();
   }
   void start(int width, int height, const std::string& locale) {
@@ -59,8 +59,6 @@ class Top : public tests::Nodes {
     const std::string before = text_of_file(settings_file()), after = text_of_file(settings_file() + ".after");
     EXPECT_THAT(before, HasSubstr("echo"));
     EXPECT_EQ(before, after);
-    unlink(settings_file().c_str());
-    unlink((settings_file() + ".after").c_str());
   }
   /// Signals the monitor.
   void signal_top(int number) {
@@ -89,7 +87,7 @@ class Top : public tests::Nodes {
 
 TEST_F(Top, WaitsForASessionShowsItAndLeavesTheTerminalAsItWas) {
   expect("waiting for a session", "waiting");
-  expect("rtbus run config/wall.yaml");
+  expect("rtbus run wall");
   start_session();
   expect("jitter");
   expect("last cut");

@@ -3,12 +3,14 @@
 #include <time.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
 
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/sane_sample.hpp"
 
 namespace tools {
 
@@ -17,7 +19,7 @@ constexpr std::uint64_t kStart_ns = rtbus::kNsPerS;  // any instant but 0, which
 constexpr std::uint64_t kBeatPeriod_ns = 20 * rtbus::kNsPerMs;
 constexpr std::uint64_t kDeviceSilent_ns = 100 * rtbus::kNsPerMs;  // physics::Node::kDeviceSilentNs
 
-std::uint64_t to_ns(double seconds) { return static_cast<std::uint64_t>(seconds * 1e9 + 0.5); }
+std::uint64_t to_ns(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e9)); }
 
 double cpu_s() {
   timespec now{};
@@ -85,14 +87,14 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     hands_.push_back(std::make_unique<Hand>(std::move(settings), session, kStart_ns, options.measure_cost));
     hands_.back()->link.lost_share = options.lost_share;
     hands_.back()->link.random = Random(options.link_seed + i);
-    needs_physics = needs_physics || haptic::find_renderer(hands_.back()->config.method)->needs_physics;
+    needs_physics = needs_physics || haptic::find_method(hands_.back()->config.method)->needs_physics;
   }
   if (session.physics && needs_physics) {
     physics::NodeConfig physics = physics::read_node_config(session);
     physics_ = physics.physics;
-    stepper_ = std::make_unique<physics::Stepper>(
-        physics::make_world(physics_->engine, session.scene, physics_->engine_settings()), physics.proxies,
-        physics_->substeps);
+    auto world = physics::make_world(physics_->engine, session.scene, physics_->engine_settings());
+    if (options.around_world) world = options.around_world(std::move(world));
+    stepper_ = std::make_unique<physics::Stepper>(std::move(world), physics.proxies, physics_->substeps);
     next_step_ns_ = kStart_ns + to_ns(options.physics_phase_s);
   }
 }
@@ -144,15 +146,35 @@ void Harness::step_physics(std::uint64_t begin_ns) {
       if (!before.empty()) answer.stamp_ns = std::max(answer.stamp_ns, before.back().stamp_ns);
     }
     if (options_.lost_share > 0.0 && link.random.fraction() < options_.lost_share) continue;
-    hands_[i]->under_way.push_back(answer);
-    if (!stepper_->wants_contacts(i)) continue;
+    const bool wants_contacts = stepper_->wants_contacts(i);
     rtbus::Stamped<rtbus::ProxyContacts> contacts;
-    stepper_->contacts(i, physics_->contact_radius_m.value_or(0.0), contacts.value);
-    if (i == 0 && contact_observer_) contact_observer_(contacts.value);
-    contacts.sequence = answer.sequence;
-    contacts.stamp_ns = answer.stamp_ns;
-    hands_[i]->contacts_under_way.push_back(contacts);
+    if (wants_contacts) {
+      stepper_->contacts(i, physics_->contact_radius_m.value_or(0.0), contacts.value);
+      if (i == 0 && contact_observer_) contact_observer_(contacts.value);
+      contacts.sequence = answer.sequence;
+      contacts.stamp_ns = answer.stamp_ns;
+    }
+    if (i == 0 && tamper_) {
+      Answer told{link.device.value, answer, wants_contacts ? &contacts : nullptr};
+      tamper_(told);
+      silenced_ = told.silent;
+      if (silenced_) continue;
+    }
+    publish(*hands_[i], answer, wants_contacts ? &contacts : nullptr);
   }
+}
+
+void Harness::publish(Hand& hand, const rtbus::Stamped<rtbus::ProxyState>& answer,
+                      const rtbus::Stamped<rtbus::ProxyContacts>* contacts) {
+  const auto judge = [&](const auto& sample, auto& under_way) {
+    if (!tamper_ || rtbus::sane(sample.value, sample.stamp_ns)) {
+      under_way.push_back(sample);
+    } else {
+      ++hand.link.refused_answers;
+    }
+  };
+  judge(answer, hand.under_way);
+  if (contacts != nullptr) judge(*contacts, hand.contacts_under_way);
 }
 
 void Harness::advance_physics(std::uint64_t now_ns) {
@@ -173,7 +195,7 @@ void Harness::advance_physics(std::uint64_t now_ns) {
     }
   }
   for (; next_beat_ns_ <= now_ns; next_beat_ns_ += kBeatPeriod_ns) {
-    if (physics_silent(next_beat_ns_)) continue;
+    if (silenced_ || physics_silent(next_beat_ns_)) continue;
     for (const auto& hand : hands_) {
       hand->link.beat.sequence++;
       hand->link.beat.stamp_ns = next_beat_ns_;

@@ -18,11 +18,11 @@
 #include "physics_node/stepper.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/histogram.hpp"
-#include "tools/random.hpp"
+#include "tools/harness/random.hpp"
 
 namespace tools {
 
-/// What the link between the nodes does to the data, and when physics falls silent.
+/// Delays and losses of the link between the nodes, and when physics stops.
 struct HarnessOptions {
   double latency_s = 0.0;  ///< From a step's publication to its arrival at the loop.
   /// Start of the first physics period after the start of the run. With `step_on: packet` the packets are sampled and
@@ -30,16 +30,18 @@ struct HarnessOptions {
   double physics_phase_s = 0.0;
   double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
-  bool passivity = true;        ///< False: the energy is observed and nothing is done about it, to see what it does.
-  bool measure_cost = false;    ///< Look at the real clock around each cycle and step. Changes no result.
-  double jitter_s = 0.0;        ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
-  double lost_share = 0.0;      ///< Of the states of the hand, and of the answers, that never arrive.
+  bool passivity = true;            ///< False: energy is observed, not controlled, for comparison.
+  bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
+  double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
+  double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.
   double loop_stops_s = -1.0;   ///< The loop stands still from then on (a pause of the machine); negative: never …
   double loop_pause_s = 0.0;    ///< … for so long.
   std::uint64_t link_seed = 1;  ///< Of jitter and losses: one seed, one run.
+  /// Puts something between the node and its engine's world; empty: nothing.
+  std::function<std::unique_ptr<physics::World>(std::unique_ptr<physics::World>)> around_world = {};
 };
 
-/// What a run of the harness took of the real machine. The simulated device is not counted: nobody has one.
+/// CPU time that a run of the harness took, without the simulated device.
 struct HarnessCost {
   rtbus::Histogram cycle_ns;  ///< Of all haptic nodes together.
   std::uint64_t steps = 0;    ///< Of physics.
@@ -64,8 +66,8 @@ class Harness {
   using ObserverOfAll = std::function<void(std::size_t, const rtbus::Telemetry&)>;
   void run_all(double duration_s, const ObserverOfAll& observer);
 
-  /// From now on that node neither reads nor speaks: killed. Physics lets go of its proxy after Node's silence of 100
-  /// ms.
+  /// From now on that node neither reads nor publishes: killed. Physics releases its proxy after 100 ms
+  /// (physics::Node::kDeviceSilentNs).
   void kill(std::size_t node) { hands_.at(node)->killed = true; }
 
   /// From now on `observer` sees the answer of each physics step to the first node, when it is made (not when it
@@ -74,6 +76,19 @@ class Harness {
   /// Likewise what it says about the contacts, if the method asks for them.
   using ContactObserver = std::function<void(const rtbus::ProxyContacts&)>;
   void observe_contacts(ContactObserver observer) { contact_observer_ = std::move(observer); }
+
+  /// From now on each answer to the first node passes through `tamper` before it is under way: a physics that says
+  /// something else than what it has computed. It sees the hand as physics does. What is not sane
+  /// (rtbus/sane_sample.hpp) is refused, as by the bus. A time of publication that it lowers is an answer that arrives
+  /// at once.
+  struct Answer {
+    const rtbus::DeviceState& device;
+    rtbus::Stamped<rtbus::ProxyState>& proxy;
+    rtbus::Stamped<rtbus::ProxyContacts>* contacts;  ///< Null when the method asks for none.
+    bool silent = false;                             ///< Set: this answer is not published, and no heartbeat either.
+  };
+  using Tamper = std::function<void(Answer&)>;
+  void tamper(Tamper tamper) { tamper_ = std::move(tamper); }
 
   [[nodiscard]] double now_s() const noexcept;  ///< Simulated time since the start.
   [[nodiscard]] const haptic::HapticConfig& config(std::size_t node = 0) const { return hands_[node]->config; }
@@ -108,6 +123,7 @@ class Harness {
     bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept override {
       return std::exchange(beat_fresh, false) && (out = beat, true);
     }
+    [[nodiscard]] std::uint64_t refused() const noexcept override { return refused_answers; }
     rtbus::Stamped<rtbus::DeviceState> device;
     rtbus::Stamped<rtbus::ProxyState> proxy;
     rtbus::Stamped<rtbus::ProxyContacts> contacts;
@@ -115,6 +131,7 @@ class Harness {
     bool proxy_fresh = false;
     bool contacts_fresh = false;
     bool beat_fresh = false;
+    std::uint64_t refused_answers = 0;
     double lost_share = 0.0;
     Random random;
   };
@@ -140,6 +157,9 @@ class Harness {
   void cycle(Hand& hand);
   void advance_physics(std::uint64_t now_ns);
   void step_physics(std::uint64_t begin_ns);
+  /// Puts the answer to a hand under way.
+  void publish(Hand& hand, const rtbus::Stamped<rtbus::ProxyState>& answer,
+               const rtbus::Stamped<rtbus::ProxyContacts>* contacts);
   [[nodiscard]] bool physics_silent(std::uint64_t now_ns) const noexcept;
   [[nodiscard]] bool loop_stands(std::uint64_t now_ns) const noexcept;
 
@@ -149,6 +169,8 @@ class Harness {
   std::vector<std::unique_ptr<Hand>> hands_;
   StepObserver step_observer_;
   ContactObserver contact_observer_;
+  Tamper tamper_;
+  bool silenced_ = false;  ///< By the last call of tamper_.
   std::uint64_t now_ns_;
   std::uint64_t next_step_ns_ = 0;
   std::uint64_t next_beat_ns_ = 0;

@@ -1,6 +1,6 @@
 /// The one symbol by which the node finds Bullet with soft bodies.
 #include "physics_node/bullet/soft/soft_world.hpp"
-#include "physics_node/engine_module.hpp"
+#include "physics_node/engine/engine_module.hpp"
 
 namespace {
 

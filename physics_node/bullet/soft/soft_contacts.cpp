@@ -28,8 +28,9 @@ PatchBall SoftWorld::ball_of(const BulletProxy& proxy, const MadeSoftBody& made)
   return ball;
 }
 
-void SoftWorld::push_body(std::size_t proxy, std::size_t body, const Vector3d& force_n, const Vector3d& torque_n_m) {
-  if (body < scene_bodies().size()) return BulletWorld::push_body(proxy, body, force_n, torque_n_m);
+void SoftWorld::apply_hand_force(std::size_t proxy, std::size_t body, const Vector3d& force_n,
+                                 const Vector3d& torque_n_m) {
+  if (body < scene_bodies().size()) return BulletWorld::apply_hand_force(proxy, body, force_n, torque_n_m);
   const std::size_t soft = body - scene_bodies().size();
   if (soft >= bodies_.size() || proxy >= proxies().size() || !force_n.allFinite()) return;
   follow(proxy, soft).asked_n += force_n;

@@ -153,8 +153,8 @@ void MadeSoftBody::put_back() {
     node.m_x = node.m_q = placed_[static_cast<std::size_t>(i)];
     node.m_v = node.m_vn = node.m_f = btVector3(0, 0, 0);
   }
-  soft_->m_rcontacts.resize(0);
-  soft_->m_scontacts.resize(0);
+  soft_->m_rcontacts.resizeNoInitialize(0);
+  soft_->m_scontacts.resizeNoInitialize(0);
   soft_->updateNormals();
   // The trees of nodes and faces grow from what they were: not from what is not finite.
   soft_->rebuildNodeTree();

@@ -21,10 +21,10 @@ struct RestShape {
 /// and nothing is lost or made between them. Means go smoothly from node to node, where distances to the nodes or to
 /// the faces between them would not.
 ///
-/// Foot, shares and normal are those of the shape at rest, turned and moved as the body has been: taken from the shape
-/// as it is, they depend on the dent that the force makes there, and force and dent chase each other over the surface.
-/// As long as the ball's centre is outside, the foot is the nearest point; once it has gone in deeper than the surface
-/// was, where the nearest point may be anywhere, the foot goes along with the centre.
+/// Foot, shares and normal are those of the rest shape, moved with the body. Those of the deformed shape depend on the
+/// dent that the force makes, and force and dent then move over the surface together without settling. As long as the
+/// ball's centre is outside, the foot is the nearest point; once it has gone in deeper than the surface was, where the
+/// nearest point may be anywhere, the foot goes along with the centre.
 struct SoftPatch {
   bool found = false;
   Eigen::Vector3d foot = Eigen::Vector3d::Zero();  ///< In the shape at rest, as are …

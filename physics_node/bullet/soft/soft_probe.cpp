@@ -22,8 +22,8 @@ void copy_state(const btSoftBody& from, btSoftBody& to) {
   to.m_pose.m_com = from.m_pose.m_com;
   to.m_pose.m_rot = from.m_pose.m_rot;
   to.m_pose.m_scl = from.m_pose.m_scl;
-  to.m_rcontacts.resize(0);
-  to.m_scontacts.resize(0);
+  to.m_rcontacts.resizeNoInitialize(0);
+  to.m_scontacts.resizeNoInitialize(0);
   to.updateBounds();
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 /// @file soft_probe.hpp
-/// How far a patch of a soft body gives way to a force, measured on copies of the body.
+/// Compliance of a patch of a soft body, measured on copies of the body.
 #include <functional>
 
 #include "physics_node/bullet/soft/soft_made.hpp"

@@ -61,7 +61,8 @@ void SoftWorld::collide() {
   for (const auto& made : bodies_) {
     for (const SceneBody& body : scene_bodies()) collide_with_body(made->soft(), body, made->body().contact_hardness);
     for (const auto& proxy : proxies()) {
-      if (!proxy->released() && !proxy->placed()) collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness);
+      if (!proxy->released() && !proxy->placed())
+        collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness);
     }
   }
 }
@@ -120,6 +121,7 @@ void SoftWorld::add_contact(btSoftBody& soft, btSoftBody::Node& node, btRigidBod
   const btScalar node_inverse = node.m_im, rigid_inverse = rigid.getInvMass();
   if (node_inverse + rigid_inverse <= 0) return;
   btSoftBody::RContact contact{};
+  contact.t1 = contact.t2 = btVector3(0, 0, 0);  // only of multibodies, but copied with the rest
   contact.m_cti.m_colObj = &rigid;
   contact.m_cti.m_normal = to_bullet(normal);
   contact.m_cti.m_offset = static_cast<btScalar>(gap) - node.m_x.dot(contact.m_cti.m_normal);

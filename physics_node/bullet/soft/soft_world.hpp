@@ -22,9 +22,9 @@ namespace physics::bullet {
 /// contacts, which push the rigid bodies. A proxy has been moved by then: it is moved on by what its contacts with soft
 /// bodies changed of its velocity, so that it stands where the nodes have made room for it.
 ///
-/// A proxy that somebody else moves meets no nodes. contacts() tells, after the rigid bodies and numbered after them, of
-/// each soft body near it one patch of nodes (SoftPatch) as a contact behind a compliance, and push_body() puts what the
-/// hand has felt onto the nodes of that patch.
+/// A placed proxy has no contacts with nodes. contacts() lists one patch of nodes (SoftPatch) of each near soft body,
+/// as a contact with a compliance, after the rigid bodies and numbered after them. apply_hand_force() applies the
+/// hand's force to the nodes of that patch.
 ///
 /// Whatever the settings, numbers stay finite: links, pose matching and contacts move nodes by a share of what is
 /// wrong, the explicit pressure is lowered to what the step carries, and a body that is unsound all the same is put
@@ -34,8 +34,8 @@ class SoftWorld final : public BulletWorld {
   SoftWorld(const rtbus::config::Scene& scene, const EngineSettings& settings);
   ~SoftWorld() override;
 
-  void push_body(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
-                 const Eigen::Vector3d& torque_n_m) override;
+  void apply_hand_force(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
+                        const Eigen::Vector3d& torque_n_m) override;
   [[nodiscard]] std::size_t soft_nodes() const noexcept override { return nodes_.size(); }
   [[nodiscard]] Eigen::Vector3d soft_node(std::size_t node) const override;
   [[nodiscard]] std::uint64_t recoveries() const noexcept override { return recoveries_; }

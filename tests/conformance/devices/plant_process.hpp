@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/registry.hpp"
+#include "drivers/registry/registry.hpp"
 #include "rtbus/config/session.hpp"
 
 namespace drivers::testing {

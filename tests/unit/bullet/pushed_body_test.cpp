@@ -1,5 +1,5 @@
-/// What a hand gives to bodies when its law moves the proxy by itself (DeviceState::touched_…): Newton's third law at
-/// the side of the world.
+/// What a hand gives to bodies when its law moves the proxy by itself (DeviceState::hand_impulse_…): Newton's third law
+/// at the side of the world.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -34,7 +34,7 @@ rtbus::DeviceState hand(std::uint64_t sample_ns) {
   device.mapping_epoch = 1;
   device.enabled = 1;
   device.wants = rtbus::kWantsContacts | rtbus::kOwnsProxy;
-  device.touched_turn[0] = 1;
+  device.hand_impulse_generation[0] = 1;
   return device;
 }
 
@@ -45,17 +45,16 @@ TEST(PushedBody, GetsTheImpulseOnceAndWhereInTheStepItFell) {
     stepper->step(kStepS);
     // 0.02 N·s along z at `middle` of the step before the next sample.
     rtbus::DeviceState pushed = hand(1'050'000'000);
-    pushed.touched_impulse_n_s[0] = {0, 0, 0.02};
-    pushed.touched_travel_n_s2[0] = {0, 0, 0.02 * kStepS * (1.0 - middle)};
+    pushed.hand_impulse_n_s[0] = {0, 0, 0.02};
+    pushed.hand_impulse_integral_n_s2[0] = {0, 0, 0.02 * kStepS * (1.0 - middle)};
     stepper->set_device(0, pushed, 2);
     stepper->step(kStepS);
     const double speed = 0.02 / kMassKg;
-    EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * (1.0 - middle), 1.2e-3 * speed)
-        << middle;
+    EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * (1.0 - middle), 1e-6 * speed) << middle;
     EXPECT_NEAR(stepper->answer(0).contact_force_n[2], -0.02 / kStepS, 1e-9);
     const double before_m = stepper->world().body_pose(0).position_m.z();
     pushed.sample_time_ns += 50'000'000;
-    pushed.touched_travel_n_s2[0][2] += 0.02 * kStepS;
+    pushed.hand_impulse_integral_n_s2[0][2] += 0.02 * kStepS;
     stepper->set_device(0, pushed, 3);
     stepper->step(kStepS);
     EXPECT_NEAR(stepper->world().body_pose(0).position_m.z() - before_m, speed * kStepS, 1e-6)
@@ -70,9 +69,10 @@ TEST(PushedBody, TurnsByTheAngularImpulse) {
   stepper->step(kStepS);
   rtbus::DeviceState pushed = hand(1'050'000'000);
   const double inertia = kMassKg * 0.02 * 0.02 / 6.0;
-  pushed.touched_impulse_n_s[0] = {0, 0, 1e-4};
-  pushed.touched_travel_n_s2[0] = {0, 0, 0.5e-4 * kStepS};
-  pushed.touched_angular_n_m_s[0] = {0, inertia * 2.0, 0};  // 2 rad/s
+  pushed.hand_impulse_n_s[0] = {0, 0, 1e-4};
+  // As a loop tells an even push of kParts ticks: each counts from its beginning.
+  pushed.hand_impulse_integral_n_s2[0] = {0, 0, (0.5 + 0.5 / kParts) * 1e-4 * kStepS};
+  pushed.hand_angular_impulse_n_m_s[0] = {0, inertia * 2.0, 0};  // 2 rad/s
   stepper->set_device(0, pushed, 2);
   stepper->step(kStepS);
   rtbus::ProxyContacts around;
@@ -82,7 +82,7 @@ TEST(PushedBody, TurnsByTheAngularImpulse) {
   EXPECT_NEAR(around.body_proxy_force_n[0][2], 1e-4 / kStepS, 1e-6);
 }
 
-// The proxy is inside the cube and pulled hard: it does not push, and is where the hand's law has it.
+// The proxy is inside the cube and pulled hard: it does not push, and is where the hand's method has it.
 TEST(PushedBody, TheProxyItselfTouchesNothing) {
   const auto stepper = cube_in_space();
   rtbus::DeviceState inside = hand(1'000'000'000);
@@ -102,18 +102,18 @@ TEST(PushedBody, TheProxyItselfTouchesNothing) {
 TEST(PushedBody, CountsFromZeroForAnotherTurnAndForgetsAtANewEpoch) {
   const auto stepper = cube_in_space();
   rtbus::DeviceState device = hand(1'000'000'000);
-  device.touched_impulse_n_s[0] = {0, 0, 5.0};  // of a life before
+  device.hand_impulse_n_s[0] = {0, 0, 5.0};  // of a life before
   stepper->set_device(0, device, 1);
   stepper->step(kStepS);
   EXPECT_NEAR(stepper->world().body_pose(0).position_m.norm(), 0.0, 1e-12);
   device.sample_time_ns += 50'000'000;
-  device.touched_turn[0] = 2;
-  device.touched_impulse_n_s[0] = {0.01, 0, 0};
+  device.hand_impulse_generation[0] = 2;
+  device.hand_impulse_n_s[0] = {0.01, 0, 0};
   stepper->set_device(0, device, 2);
   stepper->step(kStepS);
   EXPECT_NEAR(stepper->answer(0).contact_force_n[0], -0.01 / kStepS, 1e-9);
   device.mapping_epoch = 2;
-  device.touched_impulse_n_s[0] = {0.5, 0, 0};
+  device.hand_impulse_n_s[0] = {0.5, 0, 0};
   stepper->set_device(0, device, 3);
   stepper->step(kStepS);
   EXPECT_EQ(stepper->answer(0).contact_force_n[0], 0.0);

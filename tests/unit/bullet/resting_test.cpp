@@ -100,24 +100,24 @@ double deepest_overlap(const physics::World& world, const rtbus::config::Scene& 
 }
 
 /// Beads, large boxes and a bit of everything: nothing sinks, nothing wanders off, all falls asleep.
-struct Heap {
+struct Pile {
   const char* scene;
   double h;
   double lowest_m;  ///< No centre may be lower than this above the floor.
 };
-void PrintTo(const Heap& heap, std::ostream* out) { *out << heap.scene; }
+void PrintTo(const Pile& pile, std::ostream* out) { *out << pile.scene; }
 
-class RestingHeap : public testing::TestWithParam<Heap> {};
+class RestingPile : public testing::TestWithParam<Pile> {};
 
-TEST_P(RestingHeap, ComesToRestAndFallsAsleep) {
-  const Heap& heap = GetParam();
-  auto map = rtbus::config::load(std::string(RTBUS_SOURCE_DIR) + "/config/scenes/" + heap.scene + ".yaml");
+TEST_P(RestingPile, ComesToRestAndFallsAsleep) {
+  const Pile& pile = GetParam();
+  auto map = rtbus::config::load(std::string(RTBUS_SOURCE_DIR) + "/config/scenes/" + pile.scene + ".yaml");
   const rtbus::config::Scene scene = rtbus::config::read_scene(map);
   const auto world = bullet(scene);
-  run(*world, 8.0, heap.h);
+  run(*world, 8.0, pile.h);
   std::vector<Vector3d> then;
   for (std::size_t i = 0; i < world->bodies(); ++i) then.push_back(world->body_pose(i).position_m);
-  run(*world, 2.0, heap.h);
+  run(*world, 2.0, pile.h);
   double lowest_m = 1e9, moved_m = 0.0;
   for (std::size_t i = 0; i < world->bodies(); ++i) {
     if (scene.bodies[i].type != rtbus::config::BodyType::kDynamic) continue;
@@ -132,8 +132,8 @@ TEST_P(RestingHeap, ComesToRestAndFallsAsleep) {
   const double overlap = deepest_overlap(*world, scene);
   std::printf(
       "%s: lowest centre %.4g mm, deepest overlap of spheres %.3g %%, moved %.3g mm in the last 2 s, awake %zu\n",
-      heap.scene, lowest_m * 1e3, 100.0 * overlap, moved_m * 1e3, world->awake_bodies());
-  EXPECT_GE(lowest_m, heap.lowest_m);
+      pile.scene, lowest_m * 1e3, 100.0 * overlap, moved_m * 1e3, world->awake_bodies());
+  EXPECT_GE(lowest_m, pile.lowest_m);
   EXPECT_LE(overlap, 0.02);
   EXPECT_LE(moved_m, 1e-5);
   EXPECT_EQ(world->awake_bodies(), 0U);
@@ -141,8 +141,8 @@ TEST_P(RestingHeap, ComesToRestAndFallsAsleep) {
 }
 
 // Steps as in the sessions of these scenes. The smallest half extents are 1 mm (a bead) and 5 mm (the die).
-INSTANTIATE_TEST_SUITE_P(Scenes, RestingHeap,
-                         testing::Values(Heap{"beads_mm", 1e-3 / 3.0, 0.98e-3}, Heap{"mixed_sizes", 0.5e-3, 4.95e-3}),
+INSTANTIATE_TEST_SUITE_P(Scenes, RestingPile,
+                         testing::Values(Pile{"beads_mm", 1e-3 / 3.0, 0.98e-3}, Pile{"mixed_sizes", 0.5e-3, 4.95e-3}),
                          [](const auto& row) { return std::string(row.param.scene); });
 
 TEST(Resting, StaysAsleepWhenBuiltSo) {

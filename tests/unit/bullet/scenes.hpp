@@ -1,6 +1,6 @@
 #pragma once
 /// @file scenes.hpp
-/// Scenes of the tests of the engine bullet, and what is asked of a heap of bodies.
+/// Scenes of the tests of the engine bullet, and what is asked of a pile of bodies.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -17,8 +17,8 @@ inline std::unique_ptr<physics::World> bullet(const rtbus::config::Scene& scene,
   return physics::make_world("bullet", scene, {.solver_iterations = iterations});
 }
 
-inline rtbus::config::Body body(const std::string& name, rtbus::config::BodyShape shape, const Vector3d& position_m = Vector3d::Zero(),
-                                double mass_kg = 0.0) {
+inline rtbus::config::Body body(const std::string& name, rtbus::config::BodyShape shape,
+                                const Vector3d& position_m = Vector3d::Zero(), double mass_kg = 0.0) {
   rtbus::config::Body out;
   out.name = name;
   out.shape = std::move(shape);
@@ -56,12 +56,12 @@ inline rtbus::config::Scene stack_scene(int wide, int high, int deep, double edg
 struct Rest {
   double height_error_m = 0.0;      ///< Largest distance of a centre from the height it was built at.
   double creep_m = 0.0;             ///< Largest distance of a centre from where it was built.
-  double mean_penetration_m = 0.0;  ///< Of a cube into what it stands on, mean over the cubes that stand deeper than touching.
+  double mean_penetration_m = 0.0;  ///< Of a cube into what it stands on, mean over those deeper than touching.
   std::size_t awake = 0;
 };
 
-/// Height above the neighbour below tells the penetration: cubes of a column follow each other in the scene's order k last,
-/// so the one below (i, j − 1, k) is `deep` bodies earlier; for the lowest it is the floor.
+/// Height above the neighbour below tells the penetration: cubes of a column follow each other in the scene's order k
+/// last, so the one below (i, j − 1, k) is `deep` bodies earlier; for the lowest it is the floor.
 inline Rest look_at(const physics::World& world, const rtbus::config::Scene& scene, int high, int deep, double edge_m) {
   Rest out;
   double penetration_m = 0.0;

@@ -14,10 +14,11 @@ using tests::bullet;
 using tests::Vector3d;
 
 Scene read(const tests::TemporaryFolder& folder, const std::string& bodies) {
-  auto map = rtbus::config::load(
-      folder.write("scene.yaml", "schema: scene/1\nbodies:\n  - {name: floor, type: static, shape: {plane: {}}, "
-                                 "friction: 0.6}\n" +
-                                     bodies));
+  auto map =
+      rtbus::config::load(folder.write("scene.yaml",
+                                       "schema: scene/1\nbodies:\n  - {name: floor, type: static, shape: {plane: {}}, "
+                                       "friction: 0.6}\n" +
+                                           bodies));
   return rtbus::config::read_scene(map);
 }
 
@@ -55,8 +56,9 @@ TEST(BulletShapes, LaysACapsuleOnItsSide) {
 TEST(BulletShapes, TurnsAHullAboutItsCentreOfMass) {
   const tests::TemporaryFolder folder;
   folder.write("wedge.obj", "v 0 0 -15\nv 40 0 -15\nv 0 20 -15\nv 0 0 15\nv 40 0 15\nv 0 20 15\n");
-  const Scene lying = read(folder, "  - {name: gem, type: dynamic, mass_kg: 0.03, friction: 0.6, position_m: [0.1, 0.002, "
-                                   "0.2], shape: {convex_hull: {file: wedge.obj, metres_per_unit: 0.001}}}\n");
+  const Scene lying = read(folder,
+                           "  - {name: gem, type: dynamic, mass_kg: 0.03, friction: 0.6, position_m: [0.1, 0.002, "
+                           "0.2], shape: {convex_hull: {file: wedge.obj, metres_per_unit: 0.001}}}\n");
   const physics::BodyPose pose = drop(lying, 1);
   EXPECT_NEAR(pose.position_m.x(), 0.1, 0.3e-3);
   EXPECT_NEAR(pose.position_m.y(), 0.0, 0.2e-3);
@@ -84,11 +86,14 @@ TEST(BulletShapes, TurnsAHullAboutItsCentreOfMass) {
 
 TEST(BulletShapes, HoldsABallInAMeshAndLetsNothingThroughIt) {
   const tests::TemporaryFolder folder;
-  folder.write("bowl.obj", "v -0.1 0.05 -0.1\nv 0.1 0.05 -0.1\nv 0.1 0.05 0.1\nv -0.1 0.05 0.1\nv 0 0.01 0\n"
-                           "f 5 2 1\nf 5 3 2\nf 5 4 3\nf 5 1 4\n");
-  const Scene scene = read(folder, "  - {name: bowl, type: static, friction: 0.6, shape: {mesh: {file: bowl.obj}}}\n"
-                                   "  - {name: ball, type: dynamic, mass_kg: 0.02, friction: 0.6, position_m: [0.03, 0.06, "
-                                   "0.02], linear_damping_per_s: 2, angular_damping_per_s: 5, shape: {sphere: {radius_m: 0.01}}}\n");
+  folder.write("bowl.obj",
+               "v -0.1 0.05 -0.1\nv 0.1 0.05 -0.1\nv 0.1 0.05 0.1\nv -0.1 0.05 0.1\nv 0 0.01 0\n"
+               "f 5 2 1\nf 5 3 2\nf 5 4 3\nf 5 1 4\n");
+  const Scene scene =
+      read(folder,
+           "  - {name: bowl, type: static, friction: 0.6, shape: {mesh: {file: bowl.obj}}}\n"
+           "  - {name: ball, type: dynamic, mass_kg: 0.02, friction: 0.6, position_m: [0.03, 0.06, "
+           "0.02], linear_damping_per_s: 2, angular_damping_per_s: 5, shape: {sphere: {radius_m: 0.01}}}\n");
   const Vector3d rest = drop(scene, 2, 6.0).position_m;
   // Four slopes of 0.4: the centre hangs r·√(1 + 0.4²) above the bottom.
   EXPECT_NEAR(rest.x(), 0.0, 1e-3);
@@ -120,7 +125,8 @@ TEST(BulletShapes, BounceAsHighAsRestitutionSays) {
   for (const double restitution : {0.4, 0.6, 0.8}) {
     for (const double h : {0.25e-3, 1e-3, 2e-3}) {
       const double ratio = bounce_over_law(restitution, h);
-      std::printf("restitution %.1f, step %.2f ms: bounce %.3f of the height it should have\n", restitution, h * 1e3, ratio);
+      std::printf("restitution %.1f, step %.2f ms: bounce %.3f of the height it should have\n", restitution, h * 1e3,
+                  ratio);
       // What is left is the way of one step at 1.4 m/s, from where the ball turns to where it should.
       EXPECT_NEAR(ratio, 1.0, 0.01 + 1.4 * h / (0.1 * restitution * restitution));
     }
@@ -140,7 +146,6 @@ TEST(BulletShapes, ComeToRestAfterBouncing) {
   EXPECT_NEAR(world->body_pose(1).position_m.y(), 0.01, 0.1e-3);
   EXPECT_NEAR(world->body_pose(2).position_m.y(), 0.01, 0.1e-3);
 }
-
 
 TEST(BulletShapes, SlowDownInTheAirAsDampingSays) {
   // Terminal speed g/λ.

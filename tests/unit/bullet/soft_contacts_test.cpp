@@ -1,4 +1,4 @@
-/// What the engine says of soft bodies to a law that moves the proxy by itself, and what it does with its pushes.
+/// What the engine says of soft bodies to a method that moves the proxy by itself, and what it does with its pushes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -85,7 +85,7 @@ TEST(SoftContacts, AskingChangesNothing) {
   ContactSet set;
   for (int i = 0; i < 300; ++i) {
     for (World* world : {asked.get(), left.get()}) {
-      world->push_body(0, world->bodies(), Vector3d(0, -0.3, 0), Vector3d::Zero());
+      world->apply_hand_force(0, world->bodies(), Vector3d(0, -0.3, 0), Vector3d::Zero());
       world->step(kStep_s);
     }
     asked->contacts(0, 0.05, set);
@@ -100,7 +100,7 @@ TEST(SoftContacts, WhatAHandFeelsMovesTheBody) {
   const Vector3d force_n(0.02, -0.05, 0);
   constexpr int kSteps = 40;
   for (int i = 0; i < kSteps; ++i) {
-    world->push_body(0, world->bodies(), force_n, Vector3d::Zero());
+    world->apply_hand_force(0, world->bodies(), force_n, Vector3d::Zero());
     world->step(kStep_s);
   }
   const double time_s = kSteps * kStep_s;
@@ -119,7 +119,7 @@ TEST(SoftContacts, ComplianceIsWhatTheBodyGivesWay) {
     int count = 0;
     const int steps = static_cast<int>(duration_s / kStep_s);
     for (int i = 0; i < steps; ++i) {
-      world->push_body(0, world->bodies(), Vector3d(0, -force_n, 0), Vector3d::Zero());
+      world->apply_hand_force(0, world->bodies(), Vector3d(0, -force_n, 0), Vector3d::Zero());
       world->step(kStep_s);
       if (i < steps / 2) continue;
       world->contacts(0, 0.05, set);

@@ -132,10 +132,11 @@ TEST(Scene, ReadsObjFilesWithPolygonsAndCountsFromTheEnd) {
   folder.write("cube.obj",
                "o cube\nv -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1 1.0\nv 1 -1 1\r\nv 1 1 1\n v -1 1 1\n"
                "vn 0 0 1\nf 4 3 2 1\nf 5//1 6//1 7//1 8//1\nf -8 -7 -3\n");
-  Map map = load(folder.write("scene.yaml",
-                              "schema: scene/1\nbodies:\n  - {name: hull, type: dynamic, mass_kg: 1, shape: {convex_hull: "
-                              "{file: cube.obj, metres_per_unit: 0.01}}}\n  - {name: hill, type: static, shape: {mesh: "
-                              "{file: cube.obj}}}\n"));
+  Map map =
+      load(folder.write("scene.yaml",
+                        "schema: scene/1\nbodies:\n  - {name: hull, type: dynamic, mass_kg: 1, shape: {convex_hull: "
+                        "{file: cube.obj, metres_per_unit: 0.01}}}\n  - {name: hill, type: static, shape: {mesh: "
+                        "{file: cube.obj}}}\n"));
   const Scene scene = read_scene(map);
   const TriangleMesh& points = *std::get<ConvexHull>(scene.bodies.at(0).shape).points;
   ASSERT_EQ(points.vertices_m.size(), 8U);

@@ -1,5 +1,6 @@
 // The plant against closed forms and against what friction, saturation and time must never do.
 #include "drivers/simulated/mechanics.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,9 +13,6 @@ namespace drivers::simulated {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kSecond = 1'000'000'000;
 
 // A point mass in empty space: no friction, weight, encoder, stop or hand.
 MechanicsParameters bare() {
@@ -37,7 +35,7 @@ TEST(Mechanics, FallsAsGalileoSays) {
   MechanicsParameters p = bare();
   p.gravity_m_s2 = {0.0, -9.81, 0.0};
   Mechanics tip(p, Hand{});
-  tip.advance_to(kSecond / 2);
+  tip.advance_to(rtbus::kNsPerS / 2);
   // Semi-implicit Euler is ahead by g·h·t/2, and exactly by that.
   EXPECT_NEAR(tip.position_m().y(), -0.5 * 9.81 * 0.25 - 0.5 * 9.81 * 1e-4 * 0.5, 1e-9);
   EXPECT_NEAR(tip.velocity_m_s().y(), -9.81 * 0.5, 1e-9);
@@ -47,7 +45,7 @@ TEST(Mechanics, FallsAtTheTerminalSpeedOfItsFriction) {
   MechanicsParameters p = desktop_friction();
   p.gravity_m_s2 = {0.0, -9.81, 0.0};
   Mechanics tip(p, Hand{});
-  for (int s = 1; s <= 20; ++s) tip.advance_to(s * kSecond);
+  for (int s = 1; s <= 20; ++s) tip.advance_to(s * rtbus::kNsPerS);
   EXPECT_NEAR(tip.velocity_m_s().y(), -(0.041 * 9.81 - 0.06) / 0.05, 1e-6);
 }
 
@@ -60,7 +58,7 @@ double oscillator_error_m(std::uint64_t step_ns) {
   Mechanics tip(p, Hand(HoldMotion{}, z));
   tip.place({0.01, 0.0, 0.0}, Vector3d::Zero());
   tip.begin_script(0);
-  tip.advance_to(100 * kMs);
+  tip.advance_to(100 * rtbus::kNsPerMs);
   const double m = p.mass_kg + z.mass_kg;
   const double decay = (0.2 + 0.8) / (2.0 * m);
   const double omega = std::sqrt(300.0 / m - decay * decay);
@@ -83,7 +81,7 @@ TEST(Mechanics, FrictionHoldsExactlyForAMinute) {
   tip.place({0.001, -0.002, 0.003}, Vector3d::Zero());
   const Vector3d push = 0.99 * p.coulomb_n * Vector3d(1.0, -2.0, 2.0) / 3.0;
   ASSERT_TRUE(tip.set_force(push, Mechanics::kNever));
-  for (std::uint64_t s = 1; s <= 60; ++s) tip.advance_to(s * kSecond);
+  for (std::uint64_t s = 1; s <= 60; ++s) tip.advance_to(s * rtbus::kNsPerS);
   EXPECT_EQ(tip.skipped_ns(), 0u);
   EXPECT_EQ(tip.position_m(), Vector3d(0.001, -0.002, 0.003));  // not a bit of creep
   EXPECT_EQ(tip.velocity_m_s(), Vector3d::Zero());
@@ -94,7 +92,7 @@ TEST(Mechanics, FrictionYieldsAboveItsForceAlongTheForce) {
   Mechanics tip(p, Hand{});
   const Vector3d direction = Vector3d(1.0, -2.0, 2.0) / 3.0;
   ASSERT_TRUE(tip.set_force(1.01 * p.coulomb_n * direction, Mechanics::kNever));
-  tip.advance_to(kSecond);
+  tip.advance_to(rtbus::kNsPerS);
   EXPECT_GT(tip.velocity_m_s().norm(), 0.0);
   EXPECT_NEAR(tip.velocity_m_s().normalized().dot(direction), 1.0, 1e-12);
 }
@@ -105,7 +103,7 @@ TEST(Mechanics, FrictionStopsASlidingTipWhereTheWorkEnds) {
   p.step_ns = 10'000;
   Mechanics tip(p, Hand{});
   tip.place(Vector3d::Zero(), {0.1, 0.0, 0.0});
-  tip.advance_to(kSecond);
+  tip.advance_to(rtbus::kNsPerS);
   EXPECT_EQ(tip.velocity_m_s(), Vector3d::Zero());
   // m v²/2 = f_c s, less half a step's way.
   EXPECT_NEAR(tip.position_m().x(), 0.5 * 0.041 * 0.01 / 0.06, 0.1 * 1e-5);
@@ -128,7 +126,7 @@ TEST(Mechanics, PassivePlantNeverGainsEnergy) {
              0.5 * z.stiffness_n_per_m * tip.position_m().squaredNorm();
     };
     double last_j = energy_j();
-    for (std::uint64_t t = p.step_ns; t < 300 * kMs; t += p.step_ns) {
+    for (std::uint64_t t = p.step_ns; t < 300 * rtbus::kNsPerMs; t += p.step_ns) {
       tip.advance_to(t);
       ASSERT_LE(energy_j(), last_j * (1.0 + 1e-12)) << "run " << run << " at " << t << " ns";
       last_j = energy_j();
@@ -143,7 +141,7 @@ TEST(Mechanics, StiffestHandIsStableAtTheCoarsestStep) {
   Mechanics tip(p, Hand(HoldMotion{}, {20000.0, 200.0, 0.0, 200.0}));
   tip.begin_script(0);
   tip.place({0.05, -0.05, 0.02}, {2.0, 1.0, -3.0});
-  tip.advance_to(kSecond);
+  tip.advance_to(rtbus::kNsPerS);
   EXPECT_LT(tip.position_m().norm(), 1e-9);
   EXPECT_LT(tip.velocity_m_s().norm(), 1e-9);
 }
@@ -153,7 +151,7 @@ TEST(Mechanics, HandSlipsAboveItsLargestForce) {
   Mechanics tip(p, Hand(HoldMotion{}, {300.0, 3.0, 0.0, 2.0}));
   tip.begin_script(0);
   ASSERT_TRUE(tip.set_force({3.0, 0.0, 0.0}, Mechanics::kNever));
-  tip.advance_to(200 * kMs);
+  tip.advance_to(200 * rtbus::kNsPerMs);
   EXPECT_NEAR(tip.hand_force_n().x(), -2.0, 1e-9);
   EXPECT_NEAR(tip.velocity_m_s().x(), (3.0 - 2.0) / 0.041 * 0.2, 0.5);  // carried away by the rest
 }
@@ -162,7 +160,7 @@ TEST(Mechanics, ReportsTheForceThatTheHandFeels) {
   Mechanics tip(desktop_friction(), Hand(HoldMotion{}, {300.0, 3.0, 0.08, 10.0}));
   tip.begin_script(0);
   ASSERT_TRUE(tip.set_force({0.0, 1.5, 0.0}, Mechanics::kNever));
-  tip.advance_to(kSecond);
+  tip.advance_to(rtbus::kNsPerS);
   EXPECT_NEAR(tip.hand_force_n().y(), -1.5, 0.06 + 1e-9);  // what friction does not carry
   EXPECT_NEAR(tip.position_m().y(), 1.5 / 300.0, 0.06 / 300.0 + 1e-9);
 }
@@ -223,7 +221,7 @@ std::vector<double> jittered(std::uint64_t seed) {
   Mechanics tip(p, Hand{});
   tip.place(Vector3d::Zero(), {1.0, 0.0, 0.0});
   std::vector<double> lateness_s;
-  for (std::uint64_t t = kMs; t <= 1000 * kMs; t += kMs) {
+  for (std::uint64_t t = rtbus::kNsPerMs; t <= 1000 * rtbus::kNsPerMs; t += rtbus::kNsPerMs) {
     tip.advance_to(t);
     lateness_s.push_back(static_cast<double>(t) * 1e-9 - tip.measure(t).x());  // at 1 m/s, metres are seconds
   }
@@ -256,16 +254,16 @@ TEST(Mechanics, TimeInPiecesGivesTheSameStateBitByBit) {
     return tip;
   };
   Mechanics whole = make();
-  whole.advance_to(123'456 + 900 * kMs);
+  whole.advance_to(123'456 + 900 * rtbus::kNsPerMs);
 
   std::mt19937_64 random(3);
   Mechanics pieces = make();
-  for (std::uint64_t t = 123'456; t < 123'456 + 900 * kMs;) {
+  for (std::uint64_t t = 123'456; t < 123'456 + 900 * rtbus::kNsPerMs;) {
     pieces.advance_to(t);
     pieces.advance_to(t - 50'000);  // a clock that steps back moves nothing
     t += random() % 700'000;
   }
-  pieces.advance_to(123'456 + 900 * kMs);
+  pieces.advance_to(123'456 + 900 * rtbus::kNsPerMs);
   EXPECT_EQ(whole.time_ns(), pieces.time_ns());
   EXPECT_EQ(whole.position_m(), pieces.position_m());
   EXPECT_EQ(whole.velocity_m_s(), pieces.velocity_m_s());
@@ -276,11 +274,11 @@ TEST(Mechanics, ForceHoldsUntilItExpiresAndNoLonger) {
   MechanicsParameters p = bare();
   Mechanics tip(p, Hand{});
   EXPECT_TRUE(tip.timed_out());
-  ASSERT_TRUE(tip.set_force({0.41, 0.0, 0.0}, 20 * kMs));
-  tip.advance_to(20 * kMs);
+  ASSERT_TRUE(tip.set_force({0.41, 0.0, 0.0}, 20 * rtbus::kNsPerMs));
+  tip.advance_to(20 * rtbus::kNsPerMs);
   EXPECT_FALSE(tip.timed_out());
   EXPECT_NEAR(tip.velocity_m_s().x(), 10.0 * 0.020, 1e-12);
-  tip.advance_to(500 * kMs);  // in one go: the end still lies where it belongs
+  tip.advance_to(500 * rtbus::kNsPerMs);  // in one go: the end still lies where it belongs
   EXPECT_TRUE(tip.timed_out());
   EXPECT_EQ(tip.applied_force_n(), Vector3d::Zero());
   EXPECT_NEAR(tip.velocity_m_s().x(), 10.0 * 0.020, 1e-12);
@@ -289,9 +287,9 @@ TEST(Mechanics, ForceHoldsUntilItExpiresAndNoLonger) {
 TEST(Mechanics, SkipsWhatIsLongerThanTheBoundAndCountsIt) {
   Mechanics tip(bare(), Hand{});
   tip.place(Vector3d::Zero(), {1.0, 0.0, 0.0});
-  tip.advance_to(10 * kSecond + 50'000);
-  EXPECT_EQ(tip.skipped_ns(), 9 * kSecond);
-  EXPECT_EQ(tip.time_ns(), 10 * kSecond);
+  tip.advance_to(10 * rtbus::kNsPerS + 50'000);
+  EXPECT_EQ(tip.skipped_ns(), 9 * rtbus::kNsPerS);
+  EXPECT_EQ(tip.time_ns(), 10 * rtbus::kNsPerS);
   EXPECT_NEAR(tip.position_m().x(), 1.0, 1e-9);
 }
 
@@ -300,7 +298,7 @@ TEST(Mechanics, WorkspaceEndsStopTheTip) {
   p.end_stops = true;
   p.gravity_m_s2 = {0.0, -9.81, 0.0};
   Mechanics tip(p, Hand{});
-  tip.advance_to(kSecond);
+  tip.advance_to(rtbus::kNsPerS);
   EXPECT_EQ(tip.position_m().y(), -0.06);
   EXPECT_EQ(tip.velocity_m_s().y(), 0.0);
 }

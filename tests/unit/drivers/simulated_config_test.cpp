@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/registry.hpp"
+#include "drivers/registry/registry.hpp"
 #include "drivers/simulated/models.hpp"
 #include "rtbus/config/document.hpp"
 

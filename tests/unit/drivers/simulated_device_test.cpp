@@ -9,15 +9,13 @@
 #include <numeric>
 #include <vector>
 
-#include "drivers/registry.hpp"
+#include "drivers/registry/registry.hpp"
 #include "drivers/simulated/simulated_config.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/config/document.hpp"
 
 namespace drivers::simulated {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 SimulatedSettings settings_of(const std::string& file, const std::vector<rtbus::config::Override>& overrides = {}) {
   auto map = rtbus::config::load(std::string(RTBUS_SOURCE_DIR) + "/config/devices/" + file, overrides);
@@ -40,7 +38,7 @@ Drop drop(const SimulatedSettings& settings) {
   double last_m = 0.020;
   bool touched = false;
   Drop out{};
-  for (std::uint64_t now_ns = kMs; now_ns <= 6000 * kMs; now_ns += kMs) {
+  for (std::uint64_t now_ns = rtbus::kNsPerMs; now_ns <= 6000 * rtbus::kNsPerMs; now_ns += rtbus::kNsPerMs) {
     DeviceSample sample;
     EXPECT_EQ(device.read(now_ns, sample), IoStatus::kOk);
     const double y = sample.position_m[1];
@@ -78,9 +76,9 @@ TEST(SimulatedDevice, DropWithoutDryFrictionGoesOnBouncing) {
 TEST(SimulatedDevice, RepeatsBitByBitWithASteppedClock) {
   const auto run = [] {
     SimulatedDevice device(settings_of("sim_phantom_desktop_sinusoid.yaml", {{"mechanics.sample_jitter_us", "125"}}));
-    EXPECT_TRUE(device.start(5 * kMs));
+    EXPECT_TRUE(device.start(5 * rtbus::kNsPerMs));
     std::vector<double> out;
-    for (std::uint64_t now_ns = 6 * kMs; now_ns <= 2000 * kMs; now_ns += kMs) {
+    for (std::uint64_t now_ns = 6 * rtbus::kNsPerMs; now_ns <= 2000 * rtbus::kNsPerMs; now_ns += rtbus::kNsPerMs) {
       DeviceSample sample;
       EXPECT_EQ(device.read(now_ns, sample), IoStatus::kOk);
       EXPECT_EQ(device.write(now_ns, {{0.0, std::max(0.0, -500.0 * sample.position_m[1]), 0.0}}), IoStatus::kOk);
@@ -94,8 +92,8 @@ TEST(SimulatedDevice, RepeatsBitByBitWithASteppedClock) {
 TEST(SimulatedDevice, LateWriteHoldsTheOldForceForTheTimeThatPassed) {
   SimulatedDevice device(settings_of("sim_phantom_omni.yaml", {{"hand", "{type: none}"}}));
   ASSERT_TRUE(device.start(0));
-  ASSERT_EQ(device.write(kMs, {{1.0, 0.0, 0.0}}), IoStatus::kOk);
-  ASSERT_EQ(device.write(11 * kMs, {{0.0, 0.0, 0.0}}), IoStatus::kOk);  // nine periods late
+  ASSERT_EQ(device.write(rtbus::kNsPerMs, {{1.0, 0.0, 0.0}}), IoStatus::kOk);
+  ASSERT_EQ(device.write(11 * rtbus::kNsPerMs, {{0.0, 0.0, 0.0}}), IoStatus::kOk);  // nine periods late
   const double held_n = device.mechanics().parameters().force_step_n * std::round(1.0 / (3.3 / 2048));
   EXPECT_NEAR(device.mechanics().velocity_m_s().x(), (held_n - 0.26) / 0.045 * 0.010, 1e-3);
 }
@@ -107,26 +105,26 @@ TEST(SimulatedDevice, PacesALoopAtItsSampleRate) {
   EXPECT_TRUE(device.info().can_pace_loop);
   std::uint64_t last_ns = start_ns;
   for (int i = 0; i < 10; ++i) {
-    ASSERT_EQ(device.wait_sample(last_ns + 1000 * kMs), IoStatus::kOk);
+    ASSERT_EQ(device.wait_sample(last_ns + 1000 * rtbus::kNsPerMs), IoStatus::kOk);
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     // Never early, never twice for one sample of 2 ms.
-    EXPECT_GT((now_ns - start_ns) / (2 * kMs), (last_ns - start_ns) / (2 * kMs));
+    EXPECT_GT((now_ns - start_ns) / (2 * rtbus::kNsPerMs), (last_ns - start_ns) / (2 * rtbus::kNsPerMs));
     last_ns = now_ns;
   }
   const std::uint64_t deadline_ns = rtbus::monotonic_ns() + 1000;
   EXPECT_EQ(device.wait_sample(deadline_ns), IoStatus::kTimeout);
   EXPECT_GE(rtbus::monotonic_ns(), deadline_ns);
   device.stop();
-  EXPECT_EQ(device.wait_sample(rtbus::monotonic_ns() + 1000 * kMs), IoStatus::kLost);
+  EXPECT_EQ(device.wait_sample(rtbus::monotonic_ns() + 1000 * rtbus::kNsPerMs), IoStatus::kLost);
 }
 
 TEST(SimulatedDevice, ShowsTheScriptedButtons) {
   SimulatedDevice device(settings_of("sim_phantom_desktop_waypoints.yaml"));
   ASSERT_TRUE(device.start(0));
   DeviceSample sample;
-  ASSERT_EQ(device.read(999 * kMs, sample), IoStatus::kOk);
+  ASSERT_EQ(device.read(999 * rtbus::kNsPerMs, sample), IoStatus::kOk);
   EXPECT_EQ(sample.buttons, 0u);
-  ASSERT_EQ(device.read(1001 * kMs, sample), IoStatus::kOk);
+  ASSERT_EQ(device.read(1001 * rtbus::kNsPerMs, sample), IoStatus::kOk);
   EXPECT_EQ(sample.buttons, 1u);
 }
 

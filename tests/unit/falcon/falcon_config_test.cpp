@@ -9,7 +9,7 @@
 #include <fstream>
 
 #include "drivers/falcon/boot_stream.hpp"
-#include "drivers/virtual_usb/falcon/virtual_falcon.hpp"
+#include "drivers/virtual_devices/falcon/virtual_falcon.hpp"
 #include "tests/support/bad_config.hpp"
 
 namespace drivers::falcon {

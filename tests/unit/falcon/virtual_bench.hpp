@@ -7,7 +7,7 @@
 
 #include "drivers/falcon/boot_stream.hpp"
 #include "drivers/falcon/falcon_protocol.hpp"
-#include "drivers/virtual_usb/falcon/virtual_falcon.hpp"
+#include "drivers/virtual_devices/falcon/virtual_falcon.hpp"
 #include "drivers/virtual_usb/virtual_channel.hpp"
 
 namespace tests {

@@ -1,4 +1,5 @@
 #include "haptic_node/held_force.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,34 +9,35 @@ namespace {
 
 using Eigen::Vector3d;
 using haptic::HeldForce;
-constexpr std::uint64_t kMs = 1'000'000;
-
 TEST(HeldForce, HoldsEachForceFromItsWriteToTheNext) {
   HeldForce held(0.02);
-  held.write(10 * kMs, {1.0, 0.0, 0.0});
-  held.write(11 * kMs, {3.0, 0.0, 0.0});
-  EXPECT_NEAR(held.impulse_n_s(10 * kMs, 12 * kMs).x(), 4e-3, 1e-12);
-  EXPECT_NEAR(held.impulse_n_s(10 * kMs + kMs / 2, 11 * kMs + kMs / 2).x(), 2e-3, 1e-12);
-  EXPECT_EQ(held.impulse_n_s(5 * kMs, 10 * kMs).norm(), 0.0) << "nothing acted before the first write";
+  held.write(10 * rtbus::kNsPerMs, {1.0, 0.0, 0.0});
+  held.write(11 * rtbus::kNsPerMs, {3.0, 0.0, 0.0});
+  EXPECT_NEAR(held.impulse_n_s(10 * rtbus::kNsPerMs, 12 * rtbus::kNsPerMs).x(), 4e-3, 1e-12);
+  EXPECT_NEAR(
+      held.impulse_n_s(10 * rtbus::kNsPerMs + rtbus::kNsPerMs / 2, 11 * rtbus::kNsPerMs + rtbus::kNsPerMs / 2).x(),
+      2e-3, 1e-12);
+  EXPECT_EQ(held.impulse_n_s(5 * rtbus::kNsPerMs, 10 * rtbus::kNsPerMs).norm(), 0.0)
+      << "nothing acted before the first write";
 }
 
 TEST(HeldForce, KnowsThatTheDeviceLetsGo) {
   HeldForce held(0.02);
-  held.write(10 * kMs, {1.0, 0.0, 0.0});
-  EXPECT_NEAR(held.impulse_n_s(10 * kMs, 500 * kMs).x(), 0.02, 1e-12);
+  held.write(10 * rtbus::kNsPerMs, {1.0, 0.0, 0.0});
+  EXPECT_NEAR(held.impulse_n_s(10 * rtbus::kNsPerMs, 500 * rtbus::kNsPerMs).x(), 0.02, 1e-12);
 }
 
 TEST(HeldForce, ForgetsAForceThatDidNotLeave) {
   HeldForce held(0.02);
-  held.write(10 * kMs, {1.0, 0.0, 0.0});
-  held.write(11 * kMs, {9.0, 0.0, 0.0});
+  held.write(10 * rtbus::kNsPerMs, {1.0, 0.0, 0.0});
+  held.write(11 * rtbus::kNsPerMs, {9.0, 0.0, 0.0});
   held.revoke();
-  EXPECT_NEAR(held.impulse_n_s(10 * kMs, 13 * kMs).x(), 1e-3, 1e-12);
+  EXPECT_NEAR(held.impulse_n_s(10 * rtbus::kNsPerMs, 13 * rtbus::kNsPerMs).x(), 1e-3, 1e-12);
 }
 
-// A spring on a 20 Hz motion, sampled and written with delays and less often than the loop runs: the booked energy is
+// A spring on a 20 Hz motion, sampled and written with delays and less often than the loop runs: the counted energy is
 // that of the forces that acted, not of those that were meant.
-TEST(HeldForce, BooksWhatActedWhateverTheDelayOfTheSamples) {
+TEST(HeldForce, CountsWhatActedWhateverTheDelayOfTheSamples) {
   for (const int stride : {1, 2, 4}) {
     for (const std::uint64_t age_ns : {std::uint64_t{0}, std::uint64_t{200'000}, std::uint64_t{900'000}}) {
       constexpr std::uint64_t kCycle_ns = 250'000;
@@ -46,7 +48,7 @@ TEST(HeldForce, BooksWhatActedWhateverTheDelayOfTheSamples) {
       double booked_j = 0.0, true_j = 0.0, force_n = 0.0;
       std::uint64_t sample_ns = 0;
       for (int k = 1; k <= 4000; ++k) {
-        const std::uint64_t now_ns = 100 * kMs + static_cast<std::uint64_t>(k) * kCycle_ns;
+        const std::uint64_t now_ns = 100 * rtbus::kNsPerMs + static_cast<std::uint64_t>(k) * kCycle_ns;
         true_j -= force_n * (position(now_ns) - position(now_ns - kCycle_ns));
         if (k % stride == 0) {
           const std::uint64_t next_ns = now_ns - age_ns;

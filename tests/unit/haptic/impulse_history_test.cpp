@@ -1,4 +1,5 @@
 #include "haptic_node/rendering/impulse_history.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,15 +8,14 @@ namespace {
 using haptic::Impulse;
 using haptic::ImpulseHistory;
 
-constexpr std::uint64_t kMs = 1'000'000;
-
 Impulse along_x(double n_s) { return {{n_s, 0, 0}, {0, 0, 2 * n_s}}; }
 
 /// Steps of 1 ms, each giving 1 mN s, from `first` ms to `last` ms.
 double push(ImpulseHistory& history, double before_n_s, std::uint64_t first, std::uint64_t last,
             std::uint64_t apart_ns = 0) {
   for (std::uint64_t ms = first; ms < last; ++ms) {
-    history.add(ms * kMs, (ms + 1) * kMs, apart_ns, along_x(before_n_s), along_x(before_n_s + 1e-3));
+    history.add(ms * rtbus::kNsPerMs, (ms + 1) * rtbus::kNsPerMs, apart_ns, along_x(before_n_s),
+                along_x(before_n_s + 1e-3));
     before_n_s += 1e-3;
   }
   return before_n_s;
@@ -23,7 +23,7 @@ double push(ImpulseHistory& history, double before_n_s, std::uint64_t first, std
 
 TEST(ImpulseHistory, IsTheSumWhereNothingWasGiven) {
   const ImpulseHistory history;
-  EXPECT_EQ(history.at(5 * kMs, along_x(0.0)).linear_n_s.x(), 0.0);
+  EXPECT_EQ(history.at(5 * rtbus::kNsPerMs, along_x(0.0)).linear_n_s.x(), 0.0);
 }
 
 TEST(ImpulseHistory, GivesAStepsShareEvenlyAndStandsStillInBetween) {
@@ -45,41 +45,41 @@ TEST(ImpulseHistory, GivesAStepsShareEvenlyAndStandsStillInBetween) {
 TEST(ImpulseHistory, PutsTheLastStepRight) {
   ImpulseHistory history;
   const double sum = push(history, 0.0, 0, 2);
-  history.correct(2 * kMs, along_x(-0.5e-3));
-  history.correct(1 * kMs, along_x(7.0));  // not the last step: it gave nothing
+  history.correct(2 * rtbus::kNsPerMs, along_x(-0.5e-3));
+  history.correct(1 * rtbus::kNsPerMs, along_x(7.0));  // not the last step: it gave nothing
   EXPECT_NEAR(history.at(1'500'000, along_x(sum - 0.5e-3)).linear_n_s.x(), 1.25e-3, 1e-15);
 }
 
 TEST(ImpulseHistory, TakesTheContactsOfAStepTogether) {
   ImpulseHistory history;
-  history.add(0, kMs, 0, along_x(0.0), along_x(1e-3));
-  history.add(0, kMs, 0, along_x(1e-3), along_x(4e-3));
-  EXPECT_NEAR(history.at(kMs / 2, along_x(4e-3)).linear_n_s.x(), 2e-3, 1e-15);
+  history.add(0, rtbus::kNsPerMs, 0, along_x(0.0), along_x(1e-3));
+  history.add(0, rtbus::kNsPerMs, 0, along_x(1e-3), along_x(4e-3));
+  EXPECT_NEAR(history.at(rtbus::kNsPerMs / 2, along_x(4e-3)).linear_n_s.x(), 2e-3, 1e-15);
 }
 
 TEST(ImpulseHistory, SharesARecordBetweenStepsThatAreNear) {
   ImpulseHistory history;
   // A thousand steps fit only because ten share a record.
-  const double sum = push(history, 0.0, 0, 1000, 10 * kMs);
+  const double sum = push(history, 0.0, 0, 1000, 10 * rtbus::kNsPerMs);
   for (const std::uint64_t ms : {1ul, 155ul, 500ul, 999ul}) {
-    EXPECT_NEAR(history.at(ms * kMs, along_x(sum)).linear_n_s.x(), 1e-3 * static_cast<double>(ms), 1e-12);
+    EXPECT_NEAR(history.at(ms * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 1e-3 * static_cast<double>(ms), 1e-12);
   }
 }
 
 TEST(ImpulseHistory, DoesNotShareARecordOverAGap) {
   ImpulseHistory history;
-  double sum = push(history, 0.0, 0, 1, 100 * kMs);
-  sum = push(history, sum, 30, 31, 100 * kMs);
-  EXPECT_NEAR(history.at(20 * kMs, along_x(sum)).linear_n_s.x(), 1e-3, 1e-15);
+  double sum = push(history, 0.0, 0, 1, 100 * rtbus::kNsPerMs);
+  sum = push(history, sum, 30, 31, 100 * rtbus::kNsPerMs);
+  EXPECT_NEAR(history.at(20 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 1e-3, 1e-15);
 }
 
 TEST(ImpulseHistory, KeepsTheNewestAndTakesItsBeginningForWhatIsOlder) {
   ImpulseHistory history;
   const double sum = push(history, 0.0, 0, 200);
-  EXPECT_NEAR(history.at(150 * kMs, along_x(sum)).linear_n_s.x(), 0.150, 1e-12);
-  EXPECT_NEAR(history.at(10 * kMs, along_x(sum)).linear_n_s.x(), 0.072, 1e-12);
+  EXPECT_NEAR(history.at(150 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 0.150, 1e-12);
+  EXPECT_NEAR(history.at(10 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 0.072, 1e-12);
   history.forget();
-  EXPECT_EQ(history.at(10 * kMs, along_x(0.0)).linear_n_s.x(), 0.0);
+  EXPECT_EQ(history.at(10 * rtbus::kNsPerMs, along_x(0.0)).linear_n_s.x(), 0.0);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 /// Soft bodies in the world of local_contact: a patch behind a compliance, put right by answers.
 #include "haptic_node/rendering/local_soft.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,8 +18,6 @@ using rtbus::ProxyContacts;
 constexpr double kStepS = 1e-3, kStiffness = 300.0, kDamping = 0.5;
 constexpr double kPhysicsS = 0.05;
 constexpr double kCompliance = 0.01;
-constexpr std::uint64_t kMs = 1'000'000;
-
 /// A soft body that fills x < 0 and has no rigid one beside it; its surface is `gap_m` before the proxy at `proxy_x_m`.
 ProxyContacts soft(double proxy_x_m, double gap_m, std::uint64_t sample_ns, double compliance = kCompliance) {
   ProxyContacts out;
@@ -38,10 +37,10 @@ ProxyContacts soft(double proxy_x_m, double gap_m, std::uint64_t sample_ns, doub
 
 struct LocalSoftTest : testing::Test {
   std::unique_ptr<LocalWorld> world = std::make_unique<LocalWorld>();
-  std::uint64_t now_ns = 1000 * kMs;
+  std::uint64_t now_ns = 1000 * rtbus::kNsPerMs;
 
   double tick(double x_m, double velocity_m_s = 0.0) {
-    now_ns += kMs;
+    now_ns += rtbus::kNsPerMs;
     world->advance({{x_m, 0, 0}, {velocity_m_s, 0, 0}, kStiffness, kDamping}, now_ns, kStepS);
     return world->impulse_n_s().x() / kStepS;
   }
@@ -115,7 +114,8 @@ TEST_F(LocalSoftTest, AnAnswerThatAgreesChangesNoForceAndAnotherOneDoesNotJump) 
 TEST_F(LocalSoftTest, MakesNoEnergyPressedAndReleased) {
   world->reset({0.0, 0, 0});
   world->take(soft(0.0, 0.0, now_ns), now_ns);
-  // Half a tick before and half a tick after it: what the hold of a tick gives is the loop's, and the ledger's.
+  // Half a tick before and half a tick after it: what the hold of a tick gives is the loop's, and the passivity
+  // observer's.
   const auto way_m = [](int i) { return -0.004 * (1.0 - std::cos(2.0 * M_PI * i / 400.0)); };
   double put_in_j = 0.0, most_j = 0.0;
   for (int i = 0; i < 400; ++i) {

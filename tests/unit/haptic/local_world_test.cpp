@@ -1,11 +1,13 @@
 /// The world of local_contact between two answers of physics: what an answer changes, and how.
 #include "haptic_node/rendering/local_world.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <vector>
 
 namespace {
 
@@ -16,8 +18,6 @@ using rtbus::ProxyContacts;
 
 constexpr double kStepS = 1e-3, kStiffness = 500.0, kDamping = 0.5;
 constexpr double kPhysicsS = 0.05;
-constexpr std::uint64_t kMs = 1'000'000;
-
 /// A wall at x = 0 whose material fills x < 0, before the proxy at `proxy_x_m`.
 ProxyContacts wall(double proxy_x_m, std::uint64_t sample_ns) {
   ProxyContacts out;
@@ -57,11 +57,11 @@ ProxyContacts standing(double x_m, double velocity_m_s, std::uint64_t sample_ns)
 
 struct LocalWorldTest : testing::Test {
   std::unique_ptr<LocalWorld> world = std::make_unique<LocalWorld>();
-  std::uint64_t now_ns = 1000 * kMs;
+  std::uint64_t now_ns = 1000 * rtbus::kNsPerMs;
 
   /// One tick with the hand at `x_m`; the force on it.
   double tick(double x_m, double velocity_m_s = 0.0) {
-    now_ns += kMs;
+    now_ns += rtbus::kNsPerMs;
     world->advance({{x_m, 0, 0}, {velocity_m_s, 0, 0}, kStiffness, kDamping}, now_ns, kStepS);
     return world->impulse_n_s().x() / kStepS;
   }
@@ -71,6 +71,35 @@ TEST_F(LocalWorldTest, HasNoForceInFreeAirHoweverTheHandMoves) {
   world->reset({0.01, 0, 0});
   world->take(wall(0.01, now_ns), now_ns);
   for (int i = 0; i < 200; ++i) EXPECT_EQ(tick(0.01 + 0.005 * std::sin(0.1 * i), 0.3 * std::cos(0.1 * i)), 0.0);
+}
+
+// A static cube whose shape is known; one answer tells its top as a plane, and no other comes.
+TEST_F(LocalWorldTest, GoesAroundTheEdgeOfAKnownShapeWithoutNewsOfIt) {
+  rtbus::shapes::StandingHull cube;
+  for (int i = 0; i < 8; ++i) {
+    cube.hull.points_m.emplace_back((i & 1) != 0 ? 0.01 : -0.01, (i & 2) != 0 ? 0.01 : -0.01,
+                                    (i & 4) != 0 ? 0.01 : -0.01);
+  }
+  world = std::make_unique<LocalWorld>(std::vector{cube});
+  constexpr double kRadius_m = 0.004;
+  world->reset({0, 0.015, 0});
+  ProxyContacts top = wall(0.0, now_ns);
+  top.step_s = 1.0;
+  top.proxy_radius_m = kRadius_m;
+  top.contact_normal[0] = {0, 1, 0};
+  top.contact_point_m[0] = {0, 0.01, 0};
+  world->take(top, now_ns);
+  // Around the corner from above, 2 mm deep: along the top, then down the side.
+  for (int i = 0; i <= 400; ++i) {
+    const double along_m = 1e-4 * i;
+    const Vector3d hand = along_m < 0.012 ? Vector3d(along_m, 0.012, 0) : Vector3d(0.012, 0.012 - (along_m - 0.012), 0);
+    now_ns += rtbus::kNsPerMs;
+    world->advance({hand, Vector3d::Zero(), kStiffness, 0.0}, now_ns, kStepS);
+    const Vector3d outside = (world->position_m().cwiseAbs() - Vector3d::Constant(0.01)).cwiseMax(0.0);
+    ASSERT_NEAR(outside.norm(), kRadius_m, 5e-6) << "hand at " << hand.transpose();
+    if (hand.y() < -0.005) break;
+  }
+  EXPECT_NEAR(world->position_m().x(), 0.014, 5e-6) << "beside the cube";
 }
 
 TEST_F(LocalWorldTest, HoldsTheProxyAtTheWallAndThePushIsTheSpring) {
@@ -96,7 +125,7 @@ TEST_F(LocalWorldTest, RollsTheContactAroundABallUntilTheNextAnswer) {
   for (int i = 0; i <= 40; ++i) {
     const double angle = 0.005 * i;  // 0.2 rad: 10 mm on the surface
     const Vector3d tip(kReach_m * std::cos(angle), kReach_m * std::sin(angle), 0);
-    now_ns += kMs;
+    now_ns += rtbus::kNsPerMs;
     world->advance({tip, Vector3d::Zero(), kStiffness, 0.0}, now_ns, kStepS);
     const Vector3d force_n = world->impulse_n_s() / kStepS;
     EXPECT_NEAR(world->position_m().norm(), kRadius_m, 2e-5) << "on the ball, not on its first tangent plane";
@@ -184,7 +213,7 @@ TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
     LocalWorld copy = *world;
     std::uint64_t ns = now_ns;
     for (; x_m > -0.05; x_m -= 1e-5) {
-      ns += kMs;
+      ns += rtbus::kNsPerMs;
       copy.advance({{x_m, 0, 0}, Vector3d::Zero(), kStiffness, kDamping}, ns, kStepS);
       if (copy.impulse_n_s().x() > 0.0) return x_m;
     }
@@ -192,13 +221,13 @@ TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
   };
   world->take(body(0.0, 0.0, now_ns), now_ns);
   for (int i = 0; i < 60; ++i) tick(0.05);
-  world->take(body(0.0, 0.0, now_ns - 50 * kMs), now_ns);
+  world->take(body(0.0, 0.0, now_ns - 50 * rtbus::kNsPerMs), now_ns);
   for (int i = 0; i < 60; ++i) tick(0.05);
   EXPECT_NEAR(surface(), 0.0, 5e-5);
-  world->take(body(0.001, 0.0, now_ns - 50 * kMs), now_ns);
+  world->take(body(0.001, 0.0, now_ns - 50 * rtbus::kNsPerMs), now_ns);
   for (int i = 0; i < 40; ++i) tick(0.05);
   EXPECT_NEAR(surface(), 0.001, 5e-5);
-  world->take(body(0.001, 0.0, now_ns - 50 * kMs), now_ns);
+  world->take(body(0.001, 0.0, now_ns - 50 * rtbus::kNsPerMs), now_ns);
   for (int i = 0; i < 60; ++i) tick(0.05);
   EXPECT_NEAR(surface(), 0.001, 5e-5) << "counted twice";
 }
@@ -206,7 +235,7 @@ TEST_F(LocalWorldTest, CorrectsOnceWhatTwoAnswersSay) {
 // Told to stand on one point it begins to roll when it is pushed. Told that it stands on a patch it slides, and
 // friction stops it within 50 ms; it would roll on for ever.
 TEST_F(LocalWorldTest, ABodyOnAPatchDoesNotRollOn) {
-  const auto on_floor = [this](std::uint32_t points, std::uint64_t sample_ns) {
+  const auto on_floor = [](std::uint32_t points, std::uint64_t sample_ns) {
     ProxyContacts out = body(0.0, 0.0, sample_ns);
     out.body_inverse_inertia_per_kg_m2[0] = {4e4, 0, 0, 4e4, 0, 4e4};
     out.body_external_force_n[0] = {0, 0, 0};
@@ -223,7 +252,7 @@ TEST_F(LocalWorldTest, ABodyOnAPatchDoesNotRollOn) {
     world->take(on_floor(1, now_ns), now_ns);
     for (int i = 0; i < 20; ++i) tick(-1e-4 * i, -0.1);  // pushed to the left, lightly
     // The next answer knows nothing of the push yet.
-    world->take(on_floor(points, now_ns - 19 * kMs), now_ns);
+    world->take(on_floor(points, now_ns - 19 * rtbus::kNsPerMs), now_ns);
     for (int i = 0; i < 60; ++i) tick(0.05);
     // Where is it after that, and where 50 ms later?
     const auto surface = [this] {
@@ -253,7 +282,7 @@ TEST_F(LocalWorldTest, MovesASurfaceThatIsFeltWithoutAJump) {
   double force_n = 0.0;
   for (int i = 0; i < 100; ++i) force_n = tick(-0.002);
   ASSERT_NEAR(force_n, kStiffness * 0.002, 1e-6);
-  ProxyContacts moved = wall(0.0, now_ns - 1 * kMs);
+  ProxyContacts moved = wall(0.0, now_ns - 1 * rtbus::kNsPerMs);
   moved.contact_point_m[0] = {0.003, 0, 0};  // the wall is 3 mm nearer than it was told
   world->take(moved, now_ns);
   for (int i = 0; i < 400; ++i) {
@@ -376,11 +405,11 @@ TEST_F(LocalWorldTest, ASpeedThatFrictionEndsIsNotCarriedOn) {
     double force_n = 0.0;
     for (int i = 0; i < 60; ++i) force_n = tick(-5e-4);
     ASSERT_NEAR(force_n, kStiffness * 5e-4, 1e-3) << "it stands";
-    world->take(standing(0.0, speed_m_s, now_ns - 50 * kMs), now_ns);
+    world->take(standing(0.0, speed_m_s, now_ns - 50 * rtbus::kNsPerMs), now_ns);
     for (int i = 0; i < 40; ++i) {
       EXPECT_NEAR(tick(-5e-4), kStiffness * 5e-4, 0.06);
     }
-    world->take(standing(0.0, 0.0, now_ns - 50 * kMs), now_ns);
+    world->take(standing(0.0, 0.0, now_ns - 50 * rtbus::kNsPerMs), now_ns);
     for (int i = 0; i < 70; ++i) force_n = tick(-5e-4);
     EXPECT_NEAR(force_n, kStiffness * 5e-4, 2e-3) << "and the next answer finds nothing to put right";
   }
@@ -442,7 +471,7 @@ TEST_F(LocalWorldTest, DoesNotFollowAHeapAcrossItsNormal) {
   heap.support_inverse_mass_per_kg[0] = 10.0;
   heap.contact_friction[0] = 1.0;
   for (int answer = 0; answer < 20; ++answer) {
-    heap.device_time_ns = now_ns - 50 * kMs;
+    heap.device_time_ns = now_ns - 50 * rtbus::kNsPerMs;
     heap.body_centre_m[0] = {-0.01, answer % 2 == 0 ? 1e-3 : -1e-3, 0};
     world->take(heap, now_ns);
     for (int i = 0; i < 50; ++i) {

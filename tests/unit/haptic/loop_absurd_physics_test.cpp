@@ -1,4 +1,5 @@
-// A physics that says absurd things: the hand feels nothing of them, and everything again once it talks sense.
+// A physics that says absurd things, or answers a hand of long ago: the hand feels nothing of it, and everything again
+// once it talks sense.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -39,14 +40,14 @@ class RestingDevice final : public drivers::Device {
   drivers::DeviceInfo info_;
 };
 
-/// Answers the last sample in every cycle with the proxy that the test wants.
+/// Answers a sample in every cycle with the proxy that the test wants: the last one, or one of `lag_ns` ago.
 class TalkingPhysics final : public haptic::PhysicsLink {
  public:
   void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING override {
     proxy_.stamp_ns = now_ns;
     ++proxy_.sequence;
     proxy_.value.device_sequence = proxy_.sequence;
-    proxy_.value.device_time_ns = state.sample_time_ns;
+    sample_time_ns_ = state.sample_time_ns;
     proxy_.value.mapping_epoch = state.mapping_epoch;
     proxy_.value.step_s = 1e-3;
     ++proxy_.value.step_index;
@@ -54,22 +55,39 @@ class TalkingPhysics final : public haptic::PhysicsLink {
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING override {
     if (proxy_.sequence == 0) return false;
     out = proxy_;
+    out.value.device_time_ns = sample_time_ns_ - lag_ns;
     out.value.position_m = position_m;
     out.value.hand_force_n = hand_force_n;
+    out.value.coupling_work_j = coupling_work_j;
+    return true;
+  }
+  /// There is nothing near the tool.
+  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept RTBUS_NONBLOCKING override {
+    if (proxy_.sequence == 0) return false;
+    out = {};
+    out.sequence = proxy_.sequence;
+    out.stamp_ns = proxy_.stamp_ns;
+    out.value.device_sequence = proxy_.value.device_sequence;
+    out.value.device_time_ns = sample_time_ns_ - contacts_lag_ns;
+    out.value.mapping_epoch = proxy_.value.mapping_epoch;
     return true;
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
     if (proxy_.sequence == 0) return false;
     out.stamp_ns = proxy_.stamp_ns;
     out.value.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
-    out.value.work_period_ns = kPeriod_ns;
+    out.value.work_period_ns = step_ns;
     return true;
   }
 
   rtbus::Vec3 position_m{};
   rtbus::Vec3 hand_force_n{};
+  double coupling_work_j = 0.0;
+  std::uint64_t lag_ns = 0, contacts_lag_ns = 0;
+  std::uint64_t step_ns = kPeriod_ns;  ///< That it declares.
 
  private:
+  std::uint64_t sample_time_ns_ = 0;
   rtbus::Stamped<rtbus::ProxyState> proxy_{};
 };
 
@@ -107,7 +125,7 @@ TEST_P(AbsurdPhysics, IsForgottenWhenItTalksSense) {
   ASSERT_GT(sensible_n, 0.1);
   most_n_ = 0.0;
 
-  // Each of these is a number; what a law would make of the two, one after the other, is none.
+  // Each of these is a number; what a method would make of the two, one after the other, is none.
   constexpr double kHuge = std::numeric_limits<double>::max();
   for (const double absurd : {kHuge, -kHuge}) {
     link_.position_m[1] = link_.hand_force_n[1] = absurd;
@@ -122,8 +140,76 @@ TEST_P(AbsurdPhysics, IsForgottenWhenItTalksSense) {
   EXPECT_NEAR(device_.force_n[1], sensible_n, 1e-3 * sensible_n);
 }
 
+TEST_P(AbsurdPhysics, GivesTheHandNoEnergyThatNoWorldHas) {
+  talk_sense();
+  run(2000);
+  const double sensible_n = device_.force_n[1];
+  most_n_ = 0.0;
+  for (const double absurd_j : {1e12, std::numeric_limits<double>::infinity(), -1e12, 0.0}) {
+    link_.coupling_work_j = absurd_j;
+    run(3);
+  }
+  EXPECT_TRUE(finite_);
+  EXPECT_LE(most_n_, sensible_n * (1.0 + 1e-9));
+  run(100);
+  EXPECT_NEAR(device_.force_n[1], sensible_n, 1e-3 * sensible_n);
+}
+
+TEST_P(AbsurdPhysics, IsNotFeltWhileItAnswersAHandOfTwoSecondsAgo) {
+  talk_sense();
+  run(3000);
+  const double sensible_n = device_.force_n[1];
+  ASSERT_GT(sensible_n, 0.1);
+  ASSERT_EQ(loop_.stats().losses, 0u);
+  most_n_ = 0.0;
+  link_.lag_ns = 2'000'000'000;
+  run(1);
+  EXPECT_EQ(loop_.take_event(), haptic::LoopEvent::kLinkLags);
+  run(45);
+  EXPECT_EQ(device_.force_n[1], 0.0) << "faded in 40 ms";
+  EXPECT_LE(most_n_, sensible_n * (1.0 + 1e-9));
+  most_n_ = 0.0;
+  run(3000);
+  EXPECT_EQ(most_n_, 0.0);
+  EXPECT_EQ(loop_.stats().losses, 1u);
+
+  link_.lag_ns = 0;
+  run(2000);
+  EXPECT_NEAR(device_.force_n[1], sensible_n, 1e-3 * sensible_n);
+}
+
+TEST_P(AbsurdPhysics, IsFeltWhenItIsSlowOrFarAway) {
+  talk_sense();
+  run(2000);
+  link_.lag_ns = 450'000'000;  // a link that delays
+  run(1000);
+  EXPECT_GT(device_.force_n[1], 0.1);
+  link_.step_ns = 200'000'000;  // 5 steps a second
+  link_.lag_ns = 900'000'000;
+  run(1000);
+  EXPECT_GT(device_.force_n[1], 0.1);
+  EXPECT_EQ(loop_.stats().losses, 0u);
+}
+
 INSTANTIATE_TEST_SUITE_P(Methods, AbsurdPhysics,
                          testing::Values("remote_virtual_coupling", "interpolation", "interpolation_predicted"),
+                         [](const auto& each) { return std::string(each.param); });
+
+class ContactsOfLongAgo : public AbsurdPhysics {};
+
+TEST_P(ContactsOfLongAgo, AreALossEvenBesideAProxyOfNow) {
+  run(3000);
+  ASSERT_EQ(loop_.stats().losses, 0u);
+  link_.contacts_lag_ns = 2'000'000'000;
+  run(1000);
+  EXPECT_EQ(loop_.stats().losses, 1u);
+  link_.contacts_lag_ns = 0;
+  run(1000);
+  EXPECT_EQ(loop_.stats().losses, 1u);
+  EXPECT_EQ(loop_.telemetry().gate, 1.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Methods, ContactsOfLongAgo, testing::Values("local_contact"),
                          [](const auto& each) { return std::string(each.param); });
 
 }  // namespace

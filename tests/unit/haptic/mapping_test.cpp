@@ -1,4 +1,4 @@
-#include "haptic_node/mapping.hpp"
+#include "haptic_node/rendering/mapping.hpp"
 
 #include <gtest/gtest.h>
 

@@ -19,12 +19,12 @@ void move(Passivity& passivity, Eigen::Vector3d& tip_m, const Eigen::Vector3d& f
 
 PassivityConfig strict() {
   PassivityConfig config;
-  config.reservoir_max_j = 0.01;
+  config.energy_cap_j = 0.01;
   config.damping_max_n_s_per_m = 5.0;
   return config;
 }
 
-TEST(Passivity, BooksTheWorkOfTheHand) {
+TEST(Passivity, CountsTheWorkOfTheHand) {
   Passivity passivity(strict());
   Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   // A force of −2 N against a hand that moves +1 mm: the hand does 2 mJ of work on us.
@@ -39,10 +39,10 @@ TEST(Passivity, CapsWhatMayBeGivenBack) {
   Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   for (int k = 0; k < 100; ++k) move(passivity, tip, {-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
   EXPECT_NEAR(passivity.absorbed_j(), 0.2, 1e-12);
-  EXPECT_DOUBLE_EQ(passivity.ledger_j(), 0.01);
+  EXPECT_DOUBLE_EQ(passivity.observed_j(), 0.01);
 }
 
-TEST(Passivity, LeavesAForceAloneWhileTheLedgerIsPositive) {
+TEST(Passivity, LeavesAForceAloneWhileTheEnergyIsPositive) {
   Passivity passivity(strict());
   Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   move(passivity, tip, {-2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
@@ -51,11 +51,11 @@ TEST(Passivity, LeavesAForceAloneWhileTheLedgerIsPositive) {
   EXPECT_FALSE(acted);
 }
 
-TEST(Passivity, DampsUntilTheDebtIsPaid) {
+TEST(Passivity, DampsUntilTheDeficitIsPaid) {
   Passivity passivity(strict());
   Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   move(passivity, tip, {1.0, 0.0, 0.0}, {0.0001, 0.0, 0.0});  // we pushed the hand along: −0.1 mJ
-  ASSERT_LT(passivity.ledger_j(), 0.0);
+  ASSERT_LT(passivity.observed_j(), 0.0);
   bool acted = false;
   const Eigen::Vector3d velocity(0.5, 0.0, 0.0);
   const Eigen::Vector3d force = passivity.control(Eigen::Vector3d::Zero(), velocity, 0.001, acted);
@@ -63,7 +63,7 @@ TEST(Passivity, DampsUntilTheDebtIsPaid) {
   // α = E/(T v²) = 1e-4/(1e-3·0.25) = 0.4 N·s/m → −0.2 N along the motion.
   EXPECT_NEAR(force.x(), -0.2, 1e-12);
   move(passivity, tip, force, velocity * 0.001);
-  EXPECT_NEAR(passivity.ledger_j(), 0.0, 1e-12);
+  EXPECT_NEAR(passivity.observed_j(), 0.0, 1e-12);
 }
 
 TEST(Passivity, NeverDampsHarderThanItsCeiling) {
@@ -82,7 +82,7 @@ TEST(Passivity, CreditsWhatTheDeviceBurnsByItself) {
   Passivity passivity(config);
   Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   move(passivity, tip, Eigen::Vector3d::Zero(), {0.0003, 0.0, 0.0});
-  EXPECT_NEAR(passivity.ledger_j(), 0.0003 * (0.04 * 0.3 + 0.05), 1e-15);
+  EXPECT_NEAR(passivity.observed_j(), 0.0003 * (0.04 * 0.3 + 0.05), 1e-15);
   EXPECT_EQ(passivity.absorbed_j(), 0.0);
 }
 
@@ -94,18 +94,18 @@ TEST(Passivity, EarnsNothingFromAnEncoderThatToggles) {
   Passivity passivity(config);
   for (int k = 0; k < 12'000; ++k)
     passivity.observe(Eigen::Vector3d::Zero(), {k % 2 == 0 ? 0.0 : 23e-6, 0.0, 0.0}, 0.001);
-  EXPECT_EQ(passivity.ledger_j(), 0.0);
+  EXPECT_EQ(passivity.observed_j(), 0.0);
   // A real way does: 10 mm at 0.1 m/s burn nearly f_c·s + b·v·s.
   for (int k = 0; k <= 100; ++k) passivity.observe(Eigen::Vector3d::Zero(), {1e-4 * k, 0.0, 0.0}, 0.001);
-  EXPECT_GT(passivity.ledger_j(), 0.6 * (0.05 + 0.04 * 0.1) * 0.01);
-  EXPECT_LT(passivity.ledger_j(), (0.05 + 0.04 * 0.1) * 0.01);
+  EXPECT_GT(passivity.observed_j(), 0.6 * (0.05 + 0.04 * 0.1) * 0.01);
+  EXPECT_LT(passivity.observed_j(), (0.05 + 0.04 * 0.1) * 0.01);
 }
 
-TEST(Passivity, BoundsItsDebt) {
+TEST(Passivity, BoundsItsDeficit) {
   Passivity passivity(strict());
   Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   for (int k = 0; k < 100; ++k) move(passivity, tip, {2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
-  EXPECT_DOUBLE_EQ(passivity.ledger_j(), -0.01);
+  EXPECT_DOUBLE_EQ(passivity.observed_j(), -0.01);
   EXPECT_NEAR(passivity.absorbed_j(), -0.2, 1e-12);
 }
 
@@ -114,7 +114,7 @@ TEST(Passivity, BoundsItsDebt) {
 TEST(Passivity, KeepsAnActiveWallFromFeedingTheBounce) {
   const auto exit_speed = [](bool controlled) {
     PassivityConfig config;
-    config.reservoir_max_j = 1.0;
+    config.energy_cap_j = 1.0;
     config.damping_max_n_s_per_m = 4.1;
     Passivity passivity(config);
     double x = 0.0;
@@ -142,7 +142,7 @@ TEST(Passivity, OnlyObservesWhenControlIsOff) {
   Passivity passivity(config);
   Eigen::Vector3d tip = Eigen::Vector3d::Zero();
   move(passivity, tip, {2.0, 0.0, 0.0}, {0.001, 0.0, 0.0});
-  ASSERT_LT(passivity.ledger_j(), 0.0) << "there is a debt";
+  ASSERT_LT(passivity.observed_j(), 0.0) << "there is a deficit";
   bool acted = true;
   EXPECT_EQ(passivity.control({1.0, 0.0, 0.0}, {0.1, 0.0, 0.0}, 0.001, acted), Eigen::Vector3d(1.0, 0.0, 0.0));
   EXPECT_FALSE(acted);
@@ -151,7 +151,7 @@ TEST(Passivity, OnlyObservesWhenControlIsOff) {
 PassivityConfig sprung() {
   PassivityConfig config = strict();
   config.stiffness_n_per_m = 1000.0;
-  config.books_world = true;
+  config.counts_world_work = true;
   config.allowance_n_s_per_m = 4.0;
   config.noise_speed_m_s = 0.03;
   return config;
@@ -160,8 +160,8 @@ PassivityConfig sprung() {
 TEST(Passivity, ShortensAForceToItsEnergy) {
   Passivity passivity(sprung());
   bool acted = false;
-  // Nothing in the ledger: 0.25 mJ are free, √(2·1000·0.25e-3) = 0.707 N.
-  const Eigen::Vector3d force = passivity.limit({0.0, 5.0, 0.0}, Eigen::Vector3d::Zero(), acted);
+  // Nothing in the observed energy: 0.25 mJ are free, √(2·1000·0.25e-3) = 0.707 N.
+  const Eigen::Vector3d force = passivity.limit({0.0, 5.0, 0.0}, 0.0, Eigen::Vector3d::Zero(), acted);
   EXPECT_TRUE(acted);
   EXPECT_NEAR(force.y(), std::sqrt(0.5), 1e-12);
   EXPECT_EQ(force.x(), 0.0);
@@ -177,38 +177,39 @@ TEST(Passivity, LeavesAForceThatTheHandHasPaidFor) {
     passivity.observe({0.0, 1000.0 * 1e-6 * (k - 0.5), 0.0}, tip, 0.001);
   }
   bool acted = true;
-  EXPECT_EQ(passivity.limit({0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), acted).y(), 2.0);
+  EXPECT_EQ(passivity.limit({0.0, 2.0, 0.0}, 0.0, Eigen::Vector3d::Zero(), acted).y(), 2.0);
   EXPECT_FALSE(acted);
 }
 
 TEST(Passivity, LetsAForceAgainstTheMotionTakeEnergyIn) {
   Passivity passivity(sprung());
   bool acted = false;
-  const Eigen::Vector3d into_it = passivity.limit({0.0, 5.0, 0.0}, {0.0, -0.53, 0.0}, acted);
+  const Eigen::Vector3d into_it = passivity.limit({0.0, 5.0, 0.0}, 0.0, {0.0, -0.53, 0.0}, acted);
   EXPECT_NEAR(into_it.y(), std::sqrt(0.5) + 4.0 * 0.5, 1e-9);
-  const Eigen::Vector3d along = passivity.limit({0.0, 5.0, 0.0}, {0.0, 0.53, 0.0}, acted);
+  const Eigen::Vector3d along = passivity.limit({0.0, 5.0, 0.0}, 0.0, {0.0, 0.53, 0.0}, acted);
   EXPECT_NEAR(along.y(), std::sqrt(0.5), 1e-9);
-  const Eigen::Vector3d noise = passivity.limit({0.0, 5.0, 0.0}, {0.0, -0.02, 0.0}, acted);
+  const Eigen::Vector3d noise = passivity.limit({0.0, 5.0, 0.0}, 0.0, {0.0, -0.02, 0.0}, acted);
   EXPECT_NEAR(noise.y(), std::sqrt(0.5), 1e-9);
 }
 
 TEST(Passivity, SpendsWhatTheWorldGives) {
   Passivity passivity(sprung());
   passivity.give(2e-3);
-  EXPECT_DOUBLE_EQ(passivity.ledger_j(), 2e-3);
+  EXPECT_DOUBLE_EQ(passivity.observed_j(), 2e-3);
   bool acted = false;
-  EXPECT_EQ(passivity.limit({0.0, 2.0, 0.0}, Eigen::Vector3d::Zero(), acted).y(), 2.0);
+  EXPECT_EQ(passivity.limit({0.0, 2.0, 0.0}, 0.0, Eigen::Vector3d::Zero(), acted).y(), 2.0);
 }
 
-// Physics may take energy out of the coupling before the hand has put it in. That makes no debt, and no profit later.
+// Physics may take energy out of the coupling before the hand has put it in. That makes no deficit, and no profit
+// later.
 TEST(Passivity, NeitherOwesNorEarnsWhatTheWorldBorrows) {
   Passivity passivity(sprung());
   passivity.give(-3e-3);
-  EXPECT_EQ(passivity.ledger_j(), 0.0);
+  EXPECT_EQ(passivity.observed_j(), 0.0);
   passivity.give(3e-3);
-  EXPECT_EQ(passivity.ledger_j(), 0.0);
+  EXPECT_EQ(passivity.observed_j(), 0.0);
   passivity.give(1e-3);
-  EXPECT_DOUBLE_EQ(passivity.ledger_j(), 1e-3);
+  EXPECT_DOUBLE_EQ(passivity.observed_j(), 1e-3);
 }
 
 }  // namespace

@@ -244,8 +244,8 @@ TEST_F(VirtualCouplingOnAPlane, FollowsInFreeAirWithoutDragUnlessThePapersFormIs
     haptic::VirtualCoupling law(200.0, 4.0, 0.02, paper, mapping_, {placed(Plane{})});
     haptic::RenderOutput out;
     for (int i = 0; i < 2000; ++i) out = law.render(at({1e-4 * i, 0.05, 0.0}, {0.1, 0.0, 0.0}));
-    // Absolute damping: the spring holds back B·v = 0.4 N, less K·h·v = 0.02 N for the step that the proxy has just made,
-    // and the hand's own damper 0.4 N again.
+    // Absolute damping: the spring holds back B·v = 0.4 N, less K·h·v = 0.02 N for the step that the proxy has just
+    // made, and the hand's own damper 0.4 N again.
     EXPECT_NEAR(out.force_n.x(), paper ? -0.78 : 0.0, 1e-6);
   }
 }
@@ -291,15 +291,15 @@ TEST_F(VirtualCouplingOnAPlane, FeelsTheSameAtEveryScale) {
   }
 }
 
-TEST(Renderers, AreFoundByTheirName) {
-  for (const auto& row : haptic::registered_renderers()) {
+TEST(Methods, AreFoundByTheirName) {
+  for (const auto& row : haptic::registered_methods()) {
     const Mapping mapping{MappingConfig{}};
-    const auto renderer = row.make({100.0, 1.0, mapping, {placed(Plane{})}});
-    EXPECT_EQ(renderer->name(), row.name);
-    EXPECT_EQ(renderer->needs_physics(), row.needs_physics);
-    EXPECT_EQ(haptic::find_renderer(row.name), &row);
+    const auto instance = row.make({100.0, 1.0, mapping, {placed(Plane{})}});
+    EXPECT_EQ(instance->name(), row.name);
+    EXPECT_EQ(instance->needs_physics(), row.needs_physics);
+    EXPECT_EQ(haptic::find_method(row.name), &row);
   }
-  EXPECT_EQ(haptic::find_renderer("telekinesis"), nullptr);
+  EXPECT_EQ(haptic::find_method("telekinesis"), nullptr);
 }
 
 }  // namespace

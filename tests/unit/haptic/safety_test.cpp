@@ -4,6 +4,8 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
+#include <optional>
 #include <random>
 
 namespace {
@@ -21,7 +23,7 @@ SafetyConfig desktop() {
   config.continuous_force_n = 1.75;
   config.slew_n_per_ms = 3.0;
   config.start_ramp_s = 0.2;
-  config.passivity.reservoir_max_j = 0.1;
+  config.passivity.energy_cap_j = 0.1;
   config.passivity.damping_max_n_s_per_m = 4.0;
   return config;
 }
@@ -61,6 +63,137 @@ TEST(SafetyLadder, RampsUpFromZeroAfterEnable) {
   EXPECT_NEAR(last, 1.0, 1e-9);
 }
 
+/// A wall of 400 N/m at y = 0, rendered as `direct` does.
+struct Wall {
+  static constexpr double kStiffness_n_per_m = 400.0;
+  Wall() {
+    config.stiffness_n_per_m = config.passivity.stiffness_n_per_m = kStiffness_n_per_m;
+    ladder.emplace(config);
+    for (int k = 0; k < 1000; ++k) (void)at(0.0);
+  }
+  SafetyOutput at(double height_m, std::uint64_t ticks = 1) {
+    SafetyInput input = healthy({0.0, std::max(0.0, -kStiffness_n_per_m * height_m), 0.0});
+    input.position_m = {0.0, height_m, 0.0};
+    return step(*ladder, input, ticks);
+  }
+  SafetyConfig config = desktop();
+  std::optional<SafetyLadder> ladder;
+};
+
+/// Of 1.92 N at 4.8 mm: the continuous force of 1.75 N, and what the free quarter of a millijoule adds.
+const double kWhole_n = std::sqrt(1.75 * 1.75 + 2.0 * Wall::kStiffness_n_per_m * 0.25e-3);
+
+TEST(SafetyLadder, GivesARestingHandItsWallBackAfterAPauseOfTheMachine) {
+  Wall wall;
+  for (int k = 0; k <= 100; ++k) (void)wall.at(-1e-5 * k);
+  EXPECT_NEAR(wall.at(-0.001).force_n.y(), 0.4, 0.01);
+  // The device applied zero for two seconds: the hand has come 3.8 mm deeper without work, and rests.
+  (void)wall.at(-0.0048, 2000);
+  SafetyOutput out;
+  for (int k = 0; k < 300; ++k) out = wall.at(-0.0048);
+  EXPECT_NEAR(out.force_n.y(), kWhole_n, 0.01);
+}
+
+// A device that came back while the hand was deep in the wall: the ramp pushes the hand out, then the hand stays.
+TEST(SafetyLadder, FillsTheSpringOfAHandThatComesToRestInARampWithoutAStep) {
+  Wall wall;
+  wall.config.continuous_force_n = 0.88;
+  wall.config.slew_n_per_ms = 0.75;
+  wall.config.passivity.damping_max_n_s_per_m = 0.0;
+  wall.ladder.emplace(wall.config);
+  for (int k = 0; k < 1000; ++k) (void)wall.at(0.0);
+  SafetyInput lost = healthy(Eigen::Vector3d::Zero());
+  lost.device_ok = lost.enabled = false;
+  for (int k = 0; k < 500; ++k) (void)step(*wall.ladder, lost);
+  double last_n = 0.0, fastest_n = 0.0;
+  const auto feel = [&](double height_m, double speed_m_s) {
+    SafetyInput input = healthy({0.0, -Wall::kStiffness_n_per_m * height_m, 0.0});
+    input.position_m = {0.0, height_m, 0.0};
+    input.velocity_m_s = {0.0, speed_m_s, 0.0};
+    const double now_n = step(*wall.ladder, input).force_n.y();
+    fastest_n = std::max(fastest_n, now_n - last_n);
+    last_n = now_n;
+  };
+  for (int k = 0; k < 64; ++k) feel(-0.0047 + 1.25e-5 * k, 0.0125);
+  EXPECT_LT(last_n, 0.3) << "the hand got more energy than it supplied";
+  for (int k = 0; k < 20; ++k) feel(-0.0039, 0.0);
+  EXPECT_LT(last_n, 0.9);
+  for (int k = 0; k < 100; ++k) feel(-0.0039, 0.0);
+  EXPECT_NEAR(last_n, std::sqrt(0.88 * 0.88 + 2.0 * Wall::kStiffness_n_per_m * 0.25e-3), 0.01) << "no softer for it";
+  const double ramp_n = 0.01 * Wall::kStiffness_n_per_m * 0.0047, fill_n = 0.01 * 0.88;  // each within 100 ms
+  EXPECT_LE(fastest_n, ramp_n + fill_n);
+}
+
+TEST(SafetyLadder, FillsTheSpringOfARestingHandSlowlyAfterAPauseTooShortForARamp) {
+  Wall wall;
+  double last_n = wall.at(-0.0048, 10).force_n.y(), fastest_n = 0.0;
+  EXPECT_LT(last_n, 0.5) << "the hand came there within a pause of 10 ms, without work";
+  for (int k = 0; k < 5000; ++k) {
+    const double now_n = wall.at(-0.0048).force_n.y();
+    if (k > 0) fastest_n = std::max(fastest_n, now_n - last_n);
+    if (k == 190) {
+      EXPECT_LT(now_n, 0.5) << "it has not rested for long yet";
+    }
+    last_n = now_n;
+  }
+  EXPECT_NEAR(last_n, kWhole_n, 0.01);
+  EXPECT_LE(fastest_n, 0.6e-3) << "half a newton per second";
+}
+
+TEST(SafetyLadder, GivesAHandThatMovesOnlyWhatItSupplies) {
+  Wall wall;
+  (void)wall.at(-0.0048, 10);
+  double most_n = 0.0;
+  // To and fro by 1 mm, four times a second: it never rests, and supplies nothing on the whole.
+  for (int k = 0; k < 4000; ++k) {
+    const SafetyOutput out = wall.at(-0.0048 + 0.0005 * std::sin(2.0 * std::numbers::pi * 4e-3 * k));
+    most_n = std::max(most_n, out.force_n.y());
+  }
+  EXPECT_LT(most_n, 1.0) << "of 1.9 N that the spring would ask for";
+}
+
+TEST(SafetyLadder, FillsNoSpringWithoutAPause) {
+  Wall wall;
+  double last_n = 0.0;
+  for (int k = 0; k < 4000; ++k) last_n = wall.at(-0.0048).force_n.y();
+  EXPECT_LT(last_n, 0.5);
+}
+
+TEST(SafetyLadder, GivesATipThatRanAwayOnlyWhatTheHandSupplies) {
+  Wall wall;
+  SafetyOutput out;
+  for (int k = 1; k <= 20; ++k) out = wall.at(4e-3 * k);
+  ASSERT_TRUE(out.acted & haptic::kOverspeed);
+  for (int k = 0; k < 500; ++k) out = wall.at(-0.0038);
+  EXPECT_EQ(out.gate, 1.0);
+  EXPECT_NEAR(out.force_n.y(), std::sqrt(2.0 * Wall::kStiffness_n_per_m * 0.25e-3), 0.01) << "the free quarter of a mJ";
+}
+
+TEST(SafetyLadder, FadesAtAnEstopHoldsZeroAndRampsAsAtTheStartAfterwards) {
+  SafetyLadder ladder = opened();
+  for (int k = 0; k < 10; ++k) (void)step(ladder, healthy({0.0, 1.0, 0.0}));
+  SafetyInput stopped = healthy({0.0, 1.0, 0.0});
+  stopped.estop = true;
+  stopped.enabled = false;  // as the loop has it
+  SafetyOutput out;
+  double last_n = 1.0;
+  for (int k = 0; k < 40; ++k) {
+    out = step(ladder, stopped);
+    EXPECT_LE(out.force_n.norm(), last_n);
+    last_n = out.force_n.norm();
+  }
+  EXPECT_NEAR(last_n, 0.0, 1e-9) << "within 40 ms";
+  for (int k = 0; k < 1000; ++k) out = step(ladder, stopped);
+  EXPECT_EQ(out.force_n.norm(), 0.0);
+  EXPECT_EQ(out.acted & (haptic::kEstop | haptic::kDisabled | haptic::kStale), haptic::kEstop);
+  int cycles = 0;
+  do {
+    out = step(ladder, healthy({0.0, 1.0, 0.0}));
+    ++cycles;
+  } while (out.force_n.y() < 1.0 - 1e-9 && cycles < 1000);
+  EXPECT_NEAR(cycles, 200, 2) << "the start ramp, not the shorter one after a loss";
+}
+
 TEST(SafetyLadder, LetsAnOrdinaryForceThroughUntouched) {
   SafetyLadder ladder = opened();
   const SafetyOutput out = step(ladder, healthy({0.5, -1.0, 0.25}));
@@ -86,6 +219,26 @@ TEST(SafetyLadder, LimitsGrowthToTheSlewRate) {
   EXPECT_TRUE(first.acted & haptic::kSlewLimited);
   EXPECT_NEAR(step(ladder, healthy({7.0, 0.0, 0.0})).force_n.x(), 6.0, 1e-9);
   EXPECT_NEAR(step(ladder, healthy({7.0, 0.0, 0.0})).force_n.x(), 7.0, 1e-9);
+}
+
+// Found by `rtbus evaluate worst-physics`: a physics that asks for the whole force, and later claims to have supplied
+// it.
+TEST(SafetyLadder, LimitsGrowthToTheSlewRateAlsoWhenTheWorldClaimsItsEnergyAtOnce) {
+  SafetyConfig config = desktop();
+  config.stiffness_n_per_m = config.passivity.stiffness_n_per_m = 200.0;
+  config.passivity.energy_cap_j = 0.156;
+  config.passivity.counts_world_work = true;
+  SafetyLadder ladder = opened(config);
+  double held_n = 0.0;
+  for (int k = 0; k < 100; ++k) held_n = step(ladder, healthy({0.0, 7.0, 0.0})).force_n.norm();
+  ASSERT_LT(held_n, 0.5) << "nobody has supplied it";
+  SafetyInput claims = healthy({0.0, 7.0, 0.0});
+  claims.world_work_j = 1.0;
+  const SafetyOutput first = step(ladder, claims);
+  EXPECT_NEAR(first.force_n.norm(), held_n + 3.0, 1e-9);
+  EXPECT_NE(first.acted & haptic::kSlewLimited, 0u);
+  EXPECT_NEAR(step(ladder, healthy({0.0, 7.0, 0.0})).force_n.norm(), held_n + 6.0, 1e-9);
+  EXPECT_NEAR(step(ladder, healthy({0.0, 7.0, 0.0})).force_n.norm(), 7.0, 1e-9);
 }
 
 TEST(SafetyLadder, LetsForceFallAtOnce) {
@@ -133,7 +286,7 @@ TEST(SafetyLadder, StartsOverAfterAPauseLongerThanTheDeviceHoldsAForce) {
   input.position_m.y() = -0.05;
   const SafetyOutput first = step(ladder, input, 5000);
   EXPECT_LE(first.force_n.norm(), 7.9 * kDt_s / 0.1 + 1e-9);
-  EXPECT_GE(ladder.passivity().ledger_j(), -0.1) << "the debt of a pause is bounded";
+  EXPECT_GE(ladder.passivity().observed_j(), -0.1) << "the deficit of a pause is bounded";
   double last = first.force_n.norm();
   for (int k = 0; k < 200; ++k) {
     const double force = step(ladder, input).force_n.norm();
@@ -149,7 +302,7 @@ TEST(SafetyLadder, NeverGrowsWhileItFades) {
   input.link_alive = false;
   double last = 1.0;
   for (int k = 1; k <= 45; ++k) {
-    // The proxy stands still and the hand moves away: the law pulls harder and harder.
+    // The proxy stands still and the hand moves away: the method pulls harder and harder.
     input.force_n.y() = 1.0 + 0.5 * k;
     input.position_m.y() -= 0.5 * kDt_s;
     input.velocity_m_s.y() = -0.5;
@@ -186,7 +339,7 @@ TEST(SafetyLadder, FadesFromAHalfOpenRampWithoutADrop) {
   EXPECT_NEAR(step(ladder, input).force_n.norm(), last - 6.0 * kDt_s / 0.04, 1e-6);
 }
 
-TEST(SafetyLadder, BooksOnlyForcesThatLeft) {
+TEST(SafetyLadder, CountsOnlyForcesThatLeft) {
   SafetyLadder ladder = opened();
   SafetyInput input = healthy({0.0, 2.0, 0.0});
   (void)step(ladder, input);
@@ -295,7 +448,7 @@ TEST(SafetyLadder, NeedsTheUserToEnable) {
   for (int k = 0; k < 500; ++k) EXPECT_EQ(step(ladder, input).force_n.norm(), 0.0);
 }
 
-TEST(SafetyLadder, DampsWhenTheLedgerIsInDebtAndClampsOnceMore) {
+TEST(SafetyLadder, DampsWhenTheEnergyIsInDeficitAndClampsOnceMore) {
   SafetyLadder ladder = opened();
   SafetyInput input = healthy({0.0, 7.9, 0.0});
   Eigen::Vector3d position = Eigen::Vector3d::Zero();

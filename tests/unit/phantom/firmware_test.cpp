@@ -1,5 +1,6 @@
 // The virtual controller against the quirks that are written down about the real one.
-#include "drivers/virtual_usb/phantom/phantom_firmware.hpp"
+#include "drivers/virtual_devices/phantom/phantom_firmware.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +11,6 @@
 namespace drivers::virtual_usb {
 namespace {
 
-constexpr std::uint64_t kMs = 1'000'000;
 constexpr std::array<std::int32_t, 3> kArm{1000, -1500, 700};
 constexpr std::array<std::int32_t, 3> kGimbal{512, 1023, 3};
 
@@ -74,10 +74,10 @@ TEST(Firmware, ErrorAnswersRepeatOldCountersAndDoNotFeedTheWatchdog) {
   ASSERT_EQ(c.error("[100,0,0]\n"), 0);
   c.arm = {5, 6, 7};
   EXPECT_EQ(c.send("[1,2]"), (std::vector<std::string>{"[2,1000,-1500,700,512,1023,3,512]\n"}));
-  c.now_ns = 99 * kMs;
+  c.now_ns = 99 * rtbus::kNsPerMs;
   c.firmware.watchdog(c.now_ns);
   EXPECT_TRUE(c.firmware.amplifiers_on());
-  c.now_ns = 102 * kMs;
+  c.now_ns = 102 * rtbus::kNsPerMs;
   c.firmware.watchdog(c.now_ns);
   EXPECT_FALSE(c.firmware.amplifiers_on());
   EXPECT_EQ(c.firmware.currents_ma()[0], 0.0);
@@ -105,9 +105,9 @@ TEST(Firmware, CurrentComesInStepsOfThePwm) {
 TEST(Firmware, ButtonZeroesAfterItsDebounceTime) {
   Controller c;
   c.firmware.button(0, true, kArm, kGimbal);
-  c.firmware.button(9 * kMs, true, kArm, kGimbal);
+  c.firmware.button(9 * rtbus::kNsPerMs, true, kArm, kGimbal);
   EXPECT_EQ(c.send("[0,0,0]\n")[0], "[2,1000,-1500,700,512,1023,3,0]\n");
-  c.firmware.button(10 * kMs, true, kArm, kGimbal);
+  c.firmware.button(10 * rtbus::kNsPerMs, true, kArm, kGimbal);
   EXPECT_EQ(c.send("[0,0,0]\n")[0], "[2,0,0,0,0,0,0,0]\n");
 }
 
@@ -128,7 +128,7 @@ TEST(Firmware, CalibrationVariantFakesUntilItsButton) {
   EXPECT_EQ(c.send("[1,0,0]\n")[0], "[2,8000,1,0,512,1023,3,0]\n");
   EXPECT_FALSE(c.firmware.amplifiers_on());
   c.firmware.button(0, true, kArm, kGimbal);
-  c.firmware.button(10 * kMs, true, kArm, kGimbal);
+  c.firmware.button(10 * rtbus::kNsPerMs, true, kArm, kGimbal);
   EXPECT_EQ(c.send("[1,0,0]\n")[0], "[2,0,0,0,0,0,0,0]\n");
   EXPECT_TRUE(c.firmware.amplifiers_on());
 }

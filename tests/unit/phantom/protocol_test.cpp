@@ -14,7 +14,6 @@ using ::testing::HasSubstr;
 using testing::ScriptedChannel;
 using usb::ExchangeStatus;
 
-constexpr std::uint64_t kMs = rtbus::kNsPerMs;
 const char* const kHome = "[2,0,0,0,0,0,0,0]\n";
 
 class PhantomProtocolTest : public ::testing::Test {
@@ -35,9 +34,9 @@ class PhantomProtocolTest : public ::testing::Test {
   }
 
   ExchangeStatus exchange(const Vec3& force_n = {0.0, 1.0, 0.0}) {
-    (void)protocol_->send(channel_, force_n, 1e-3, channel_.now_ns() + 10 * kMs);
-    const auto got = protocol_->receive(channel_, sample_, channel_.now_ns() + 12 * kMs);
-    (void)channel_.sleep_until(channel_.now_ns() + kMs);
+    (void)protocol_->send(channel_, force_n, 1e-3, channel_.now_ns() + 10 * rtbus::kNsPerMs);
+    const auto got = protocol_->receive(channel_, sample_, channel_.now_ns() + 12 * rtbus::kNsPerMs);
+    (void)channel_.sleep_until(channel_.now_ns() + rtbus::kNsPerMs);
     return got;
   }
 
@@ -121,10 +120,10 @@ TEST_F(PhantomProtocolTest, ClampsBelowTheFirmwaresLimitAlongTheForce) {
 
 TEST_F(PhantomProtocolTest, NeverPipelines) {
   ASSERT_EQ(bring_up(), "");
-  channel_.extra_delay_ns = 3 * kMs;  // answers come late, the loop keeps asking
+  channel_.extra_delay_ns = 3 * rtbus::kNsPerMs;  // answers come late, the loop keeps asking
   for (int i = 0; i < 50; ++i) {
-    (void)protocol_->send(channel_, {}, 1e-3, channel_.now_ns() + kMs);
-    (void)protocol_->receive(channel_, sample_, channel_.now_ns() + kMs / 2);
+    (void)protocol_->send(channel_, {}, 1e-3, channel_.now_ns() + rtbus::kNsPerMs);
+    (void)protocol_->receive(channel_, sample_, channel_.now_ns() + rtbus::kNsPerMs / 2);
   }
   EXPECT_EQ(channel_.pipelined, 0);
   EXPECT_EQ(protocol_->counters().lost_frames, 0u);
@@ -138,12 +137,12 @@ TEST_F(PhantomProtocolTest, SilenceMeansZeroWithinTwentyMilliseconds) {
   ASSERT_EQ(channel_.commands.back(), "[0,-766,0]");
   device_ = [](const std::string&) { return ""; };
   const std::uint64_t silent_ns = channel_.now_ns();
-  while (channel_.commands.back() != "[0,0,0]" && channel_.now_ns() < silent_ns + 100 * kMs) {
-    (void)protocol_->send(channel_, {0.0, 1.0, 0.0}, 1e-3, channel_.now_ns() + kMs);
-    (void)protocol_->receive(channel_, sample_, channel_.now_ns() + kMs);
+  while (channel_.commands.back() != "[0,0,0]" && channel_.now_ns() < silent_ns + 100 * rtbus::kNsPerMs) {
+    (void)protocol_->send(channel_, {0.0, 1.0, 0.0}, 1e-3, channel_.now_ns() + rtbus::kNsPerMs);
+    (void)protocol_->receive(channel_, sample_, channel_.now_ns() + rtbus::kNsPerMs);
   }
   EXPECT_EQ(channel_.commands.back(), "[0,0,0]");
-  EXPECT_LT(channel_.now_ns() - silent_ns, 20 * kMs);
+  EXPECT_LT(channel_.now_ns() - silent_ns, 20 * rtbus::kNsPerMs);
   EXPECT_GE(protocol_->counters().lost_frames, 1u);
   device_ = [](const std::string&) { return kHome; };
   for (int i = 0; i < 20; ++i) (void)exchange();
@@ -156,7 +155,7 @@ TEST_F(PhantomProtocolTest, LateAnswerDoesNotShiftTheSequence) {
   // One answer comes so late that its command is given up; then all answers carry a count.
   int count = 0;
   device_ = [&](const std::string&) { return "[2," + std::to_string(++count) + ",0,0,0,0,0,0]\n"; };
-  channel_.extra_delay_ns = 12 * kMs;
+  channel_.extra_delay_ns = 12 * rtbus::kNsPerMs;
   EXPECT_EQ(exchange(), ExchangeStatus::kNothing);
   channel_.extra_delay_ns = 0;
   for (int i = 0; i < 5; ++i) (void)exchange();
@@ -305,16 +304,16 @@ TEST_F(PhantomProtocolTest, ShutDownSendsZeroAndLowersTheLine) {
   EXPECT_EQ(channel_.controls.back().setup.request, 0x22);
   EXPECT_EQ(channel_.controls.back().setup.value, 0x0000);
   EXPECT_EQ(channel_.pipelined, 0);
-  EXPECT_LT(channel_.now_ns() - before_ns, 50 * kMs);
+  EXPECT_LT(channel_.now_ns() - before_ns, 50 * rtbus::kNsPerMs);
 }
 
 TEST_F(PhantomProtocolTest, ShutDownOfASilentDeviceIsBounded) {
   ASSERT_EQ(bring_up(), "");
   device_ = [](const std::string&) { return ""; };
-  (void)protocol_->send(channel_, {}, 1e-3, channel_.now_ns() + kMs);
+  (void)protocol_->send(channel_, {}, 1e-3, channel_.now_ns() + rtbus::kNsPerMs);
   const std::uint64_t before_ns = channel_.now_ns();
   protocol_->shut_down(channel_);
-  EXPECT_LE(channel_.now_ns() - before_ns, 50 * kMs);
+  EXPECT_LE(channel_.now_ns() - before_ns, 50 * rtbus::kNsPerMs);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "drivers/phantom/phantom_protocol.hpp"
-#include "drivers/virtual_usb/phantom/virtual_phantom.hpp"
+#include "drivers/virtual_devices/phantom/virtual_phantom.hpp"
 #include "drivers/virtual_usb/virtual_channel.hpp"
 #include "rtbus/clock.hpp"
 

@@ -1,5 +1,5 @@
 // The virtual arm as a USB device, and driver against virtual arm in simulated time: pose, force, wall, heat.
-#include "drivers/virtual_usb/phantom/virtual_phantom.hpp"
+#include "drivers/virtual_devices/phantom/virtual_phantom.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

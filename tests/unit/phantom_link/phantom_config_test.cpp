@@ -6,6 +6,7 @@
 
 #include <string>
 
+#include "drivers/virtual_devices/kinds.hpp"
 #include "tests/support/bad_config.hpp"
 
 namespace drivers::phantom {
@@ -18,7 +19,7 @@ void read(const std::string& file, const std::vector<Override>& sets) {
   auto map = rtbus::config::load(file, sets);
   (void)map.choice("schema", {"device/1"});
   (void)map.choice("driver", {"phantom"});
-  const auto config = parse(map);
+  const auto config = parse(map, virtual_usb::find_kind("phantom"));
   map.finish();
   ASSERT_NE(config, nullptr);
 }

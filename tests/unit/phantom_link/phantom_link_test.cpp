@@ -7,9 +7,9 @@
 #include <cmath>
 
 #include "drivers/phantom/phantom_protocol.hpp"
-#include "drivers/usb/io_device.hpp"
-#include "drivers/usb/libusb_channel.hpp"
-#include "drivers/virtual_usb/phantom/virtual_phantom.hpp"
+#include "drivers/usb_host/libusb_channel.hpp"
+#include "drivers/usb_host/usb_line.hpp"
+#include "drivers/virtual_devices/phantom/virtual_phantom.hpp"
 #include "drivers/virtual_usb/usbfs_shim.hpp"
 #include "rtbus/clock.hpp"
 
@@ -44,9 +44,9 @@ class Desk {
     io.info.model = std::string(settings.model.key);
     io.info.can_pace_loop = true;
     io.info.sample_rate_hz = 1000.0;
-    io.fetch_first = true;
+    io.order = usb::ExchangeOrder::kFetchFirst;
     io.reply_timeout_s = static_cast<double>(PhantomProtocol::kReplyLostNs) * 1e-9;
-    device = std::make_unique<usb::IoDevice>(
+    device = usb::make_io_device(
         io, usb::IoThread{}, [driver, homing] { return std::make_unique<PhantomProtocol>(driver, homing); },
         [this](usb::StopFlag& stop) -> rtbus::Result<std::unique_ptr<usb::Channel>, DeviceFault> {
           const int fd = port->open();

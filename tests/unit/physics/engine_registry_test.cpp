@@ -52,7 +52,8 @@ TEST(EngineRegistry, NamesTheBodyWhoseShapeOrBounceAnalyticDoesNotKnow) {
   EXPECT_THAT(message_of("analytic", scene), AllOf(HasSubstr("body peg is a cylinder"), HasSubstr("engine: bullet")));
   scene = scene_with(BodyType::kStatic);
   scene.bodies[0].restitution = 0.5;
-  EXPECT_THAT(message_of("analytic", scene), AllOf(HasSubstr("body peg has a restitution"), HasSubstr("engine: bullet")));
+  EXPECT_THAT(message_of("analytic", scene),
+              AllOf(HasSubstr("body peg has a restitution"), HasSubstr("engine: bullet")));
 }
 
 // Without this, a build that loses its module would only skip tests.

@@ -25,7 +25,7 @@ ProxyConfig proxy_config(double stiffness_n_per_m = 200.0) {
   return config;
 }
 
-Stepper floor_stepper(int substeps = 1, ProxyConfig config = proxy_config()) {
+Stepper floor_stepper(int substeps = 1, const ProxyConfig& config = proxy_config()) {
   PlacedShape floor;
   floor.shape = Plane{};
   return Stepper(std::make_unique<AnalyticWorld>(std::vector{floor}), {config}, substeps);
@@ -99,6 +99,30 @@ TEST(Stepper, HoldsTheProxyAtTheTargetWithoutForceWhileDisabled) {
     ASSERT_EQ(stepper.answer(0).position_m, (rtbus::Vec3{0.001 * i, 0.1, 0}));
     ASSERT_EQ(stepper.answer(0).coupling_force_n, (rtbus::Vec3{0, 0, 0}));
   }
+}
+
+TEST(Stepper, TellsTheWorkOfTheWorldSinceTheEpochBegan) {
+  Stepper stepper = floor_stepper(3);
+  double work_j = 0.0, y_m = 0.0;
+  for (int i = 0; i < 500; ++i) {
+    stepper.set_device(0, device_at(0, -0.01), 1 + i);
+    if (i == 0) y_m = -0.01;
+    stepper.step(1e-3);
+    const rtbus::ProxyState answer = stepper.answer(0);
+    work_j -= answer.coupling_force_n[1] * (answer.position_m[1] - y_m);
+    y_m = answer.position_m[1];
+    ASSERT_NEAR(answer.coupling_work_j, work_j, 1e-5) << i;
+  }
+  EXPECT_NEAR(work_j, 0.5 * 200 * 0.01 * 0.01, 0.2e-3) << "what the spring holds then";
+  const double before_silence_j = stepper.answer(0).coupling_work_j;
+  stepper.release(0);
+  stepper.set_device(0, device_at(0, -0.01), 999);
+  EXPECT_EQ(stepper.answer(0).coupling_work_j, before_silence_j) << "the proxy is put onto the hand; no work is done";
+  rtbus::DeviceState anew = device_at(0, 0.05);
+  anew.mapping_epoch += 1;
+  stepper.set_device(0, anew, 1000);
+  stepper.step(1e-3);
+  EXPECT_NEAR(stepper.answer(0).coupling_work_j, 0.0, 1e-6);
 }
 
 TEST(Stepper, StartsAtZeroForceWhenEnabledInsideABody) {
@@ -287,7 +311,8 @@ TEST(Stepper, IsBitIdenticalWhenRunTwice) {
     }
     out = stepper.answer(0);
   }
-  EXPECT_EQ(std::memcmp(&last[0], &last[1], sizeof last[0]), 0);
+  // ProxyState has no padding, so equal bytes mean equal answers.
+  EXPECT_EQ(std::memcmp(static_cast<const void*>(&last[0]), static_cast<const void*>(&last[1]), sizeof last[0]), 0);
 }
 
 rtbus::DeviceState ordering(double y, double velocity_y, double stiffness, double damping, double horizon) {

@@ -16,7 +16,7 @@
 #include "rtbus/recording/reader.hpp"
 #include "rtbus/recording/writer.hpp"
 #include "tests/support/recording.hpp"
-#include "tools/marks.hpp"
+#include "tools/cli/orders/marks.hpp"
 
 namespace {
 

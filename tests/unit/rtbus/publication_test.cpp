@@ -154,6 +154,24 @@ TEST(Publication, SurvivesBeingDeletedAgainAndAgain) {
   }
 }
 
+// A topic that is published for observers alone: its writer is silent as long as nobody looks.
+TEST(Publication, OfASilentWriterSurvivesBeingDeletedAgainAndAgain) {
+  ScratchSession session;
+  auto publication = Publication<Probe>::create(session, "x");
+  for (unsigned i = 1; i <= 3; ++i) {
+    remove(session, "x");
+    publication->maintain();
+    EXPECT_TRUE(session.exists("x"));
+    EXPECT_EQ(publication->renewals(), i);
+  }
+  auto reader = Reader<Probe>::open(session, "x");
+  ASSERT_TRUE(reader);
+  publication->publish({.number = 5}, 1);
+  Stamped<Probe> sample;
+  ASSERT_EQ(reader->read_latest(sample), ReadStatus::kFresh);
+  EXPECT_EQ(sample.value.number, 5u);
+}
+
 TEST(Publication, LeavesTheNameToAnotherOwnerAndSaysSo) {
   ScratchSession session;
   auto publication = Publication<Probe>::create(session, "x");
@@ -177,7 +195,8 @@ TEST(Subscription, FollowsALiveWriterIntoItsNewSegmentWithoutLosingASample) {
   Stamped<Probe> got;
   std::uint64_t next = 0;
   const auto exchange = [&] {
-    publication->publish({.number = ++next}, next);
+    ++next;
+    publication->publish({.number = next}, next);
     ASSERT_EQ(subscription.read_latest(got), ReadStatus::kFresh);
     EXPECT_EQ(got.value.number, next);
   };

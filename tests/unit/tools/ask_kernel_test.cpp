@@ -1,4 +1,4 @@
-#include "tools/ask_kernel.hpp"
+#include "tools/cli/host/ask_kernel.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "tools/ask_logind.hpp"
+#include "tools/cli/host/ask_logind.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

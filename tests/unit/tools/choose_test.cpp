@@ -1,4 +1,4 @@
-#include "tools/choose.hpp"
+#include "tools/cli/common/choose.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

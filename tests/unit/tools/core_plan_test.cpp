@@ -1,4 +1,4 @@
-#include "tools/core_plan.hpp"
+#include "tools/cli/host/core_plan.hpp"
 
 #include <gtest/gtest.h>
 

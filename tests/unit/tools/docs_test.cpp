@@ -34,8 +34,10 @@ std::set<std::string> all_tests() {
     }
   }
   const std::string fuzzers = text_of(kRoot / "tests/fuzz/CMakeLists.txt");
-  const std::regex fuzzer(R"(\bfuzz_\w+)");
-  for (std::sregex_iterator it(fuzzers.begin(), fuzzers.end(), fuzzer), end; it != end; ++it) out.insert(it->str());
+  const std::regex fuzzer(R"(\brtbus_add_fuzzer\((\w+) )");
+  for (std::sregex_iterator it(fuzzers.begin(), fuzzers.end(), fuzzer), end; it != end; ++it) {
+    out.insert("fuzz_" + (*it)[1].str());
+  }
   return out;
 }
 
@@ -82,14 +84,20 @@ bool exists(const std::string& name, const std::set<std::string>& tests) {
 }
 
 class Documents : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Tables, Documents, testing::Values("devices", "safety"),
-                         [](const auto& document) { return std::string(document.param); });
+INSTANTIATE_TEST_SUITE_P(Tables, Documents,
+                         testing::Values("devices", "safety", "device-force-dimension", "device-haply",
+                                         "device-openhaptics"),
+                         [](const auto& document) {
+                           std::string name = document.param;
+                           std::erase(name, '-');  // not allowed in names of tests
+                           return name;
+                         });
 
 TEST_P(Documents, NameTestsThatExist) {
   const auto tests = all_tests();
   ASSERT_GT(tests.size(), 500u);
   const auto named = named_in(kRoot / "docs" / (std::string(GetParam()) + ".md"));
-  EXPECT_GT(named.size(), 10u);
+  EXPECT_GT(named.size(), 5u);
   for (const std::string& name : named) EXPECT_TRUE(exists(name, tests)) << name;
 }
 

@@ -1,4 +1,4 @@
-#include "tools/doctor_checks.hpp"
+#include "tools/cli/doctor/doctor_checks.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

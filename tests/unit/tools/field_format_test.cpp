@@ -1,4 +1,4 @@
-#include "tools/field_format.hpp"
+#include "tools/cli/common/field_format.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "tools/gnuplot.hpp"
+#include "tools/cli/common/gnuplot.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

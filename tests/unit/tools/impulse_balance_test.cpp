@@ -1,4 +1,5 @@
-#include "tools/impulse_balance.hpp"
+#include "tools/cli/run/impulse_balance.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,17 +8,17 @@ namespace {
 using Eigen::Vector3d;
 using tools::ImpulseBalance;
 
-constexpr std::uint64_t kStart_ns = 7 * rtbus::kNsPerS, kMs = 1'000'000;
+constexpr std::uint64_t kStart_ns = 7 * rtbus::kNsPerS;
 
 /// Three seconds of 1 N felt at 1 kHz, and `given_n` at 100 Hz in the second of them.
 ImpulseBalance balance_of(double given_n) {
   ImpulseBalance balance;
   for (std::uint64_t ms = 0; ms <= 3000; ++ms) {
-    balance.add_felt(kStart_ns + ms * kMs, Vector3d(0, 0, 1));
+    balance.add_hand_force(kStart_ns + ms * rtbus::kNsPerMs, Vector3d(0, 0, 1));
     if (ms == 0 || ms % 10 != 0) continue;
     const bool second = ms > 1000 && ms <= 2000;
-    balance.add_given(kStart_ns + (ms - 10) * kMs, kStart_ns + ms * kMs,
-                      Vector3d(0, 0, 0.01 * (second ? given_n : 0.001)));
+    balance.add_world_impulse(kStart_ns + (ms - 10) * rtbus::kNsPerMs, kStart_ns + ms * rtbus::kNsPerMs,
+                              Vector3d(0, 0, 0.01 * (second ? given_n : 0.001)));
   }
   return balance;
 }
@@ -25,8 +26,8 @@ ImpulseBalance balance_of(double given_n) {
 TEST(ImpulseBalance, ComparesTheSecondsWithAPush) {
   const auto figures = balance_of(0.8).figures();
   EXPECT_EQ(figures.windows, 1u);
-  EXPECT_NEAR(figures.felt_n_s, 1.0, 1e-9);
-  EXPECT_NEAR(figures.given_n_s, 0.8, 1e-9);
+  EXPECT_NEAR(figures.hand_n_s, 1.0, 1e-9);
+  EXPECT_NEAR(figures.world_n_s, 0.8, 1e-9);
   EXPECT_NEAR(figures.worst, 0.25, 1e-9);
 }
 
@@ -35,7 +36,7 @@ TEST(ImpulseBalance, NoticesThatTheDirectionIsWrong) { EXPECT_NEAR(balance_of(-1
 TEST(ImpulseBalance, SaysNothingWithoutAPushOrBeforeTheFirstTick) {
   EXPECT_EQ(balance_of(0.01).figures().windows, 0u);
   ImpulseBalance balance;
-  balance.add_given(kStart_ns, kStart_ns + rtbus::kNsPerS, Vector3d(1, 0, 0));
+  balance.add_world_impulse(kStart_ns, kStart_ns + rtbus::kNsPerS, Vector3d(1, 0, 0));
   EXPECT_EQ(balance.figures().windows, 0u);
 }
 
@@ -46,11 +47,13 @@ TEST(ImpulseBalance, LosesNothingAtTheEndOfASecond) {
   Vector3d sum = Vector3d::Zero(), before = Vector3d::Zero();
   for (std::uint64_t ms = 0; ms < 4000; ++ms) {
     if (ms % 55 == 0) {
-      if (ms > 0) balance.add_given(kStart_ns + (ms - 55) * kMs, kStart_ns + ms * kMs, sum - before);
+      if (ms > 0)
+        balance.add_world_impulse(kStart_ns + (ms - 55) * rtbus::kNsPerMs, kStart_ns + ms * rtbus::kNsPerMs,
+                                  sum - before);
       before = sum;
     }
     const double force_n = ms % 1000 < 970 ? 0.5 + 1e-3 * static_cast<double>(ms % 1000) : 0.0;
-    if (ms % 100 != 7) balance.add_felt(kStart_ns + ms * kMs, Vector3d(0, 0, force_n));
+    if (ms % 100 != 7) balance.add_hand_force(kStart_ns + ms * rtbus::kNsPerMs, Vector3d(0, 0, force_n));
     const double held_n = ms % 100 == 7 ? 0.5 + 1e-3 * static_cast<double>(ms % 1000 - 1) : force_n;
     sum.z() += 1e-3 * held_n;
   }
@@ -60,8 +63,8 @@ TEST(ImpulseBalance, LosesNothingAtTheEndOfASecond) {
 
 TEST(ImpulseBalance, CountsAForceNoLongerThanADeviceHoldsIt) {
   ImpulseBalance balance;
-  balance.add_felt(kStart_ns, Vector3d(0, 0, 50));
-  balance.add_given(kStart_ns, kStart_ns + 1000 * kMs, Vector3d(0, 0, 1));
+  balance.add_hand_force(kStart_ns, Vector3d(0, 0, 50));
+  balance.add_world_impulse(kStart_ns, kStart_ns + 1000 * rtbus::kNsPerMs, Vector3d(0, 0, 1));
   EXPECT_NEAR(balance.figures().worst, 0.0, 1e-9) << "50 N for 20 ms";
 }
 

@@ -1,17 +1,16 @@
-#include "tools/interval_stats.hpp"
+#include "tools/cli/topics/interval_stats.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
-#include "tools/topic_rate.hpp"
+#include "tools/cli/topics/topic_rate.hpp"
 
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 TEST(IntervalStats, HasNoRateBeforeTwoSamples) {
   tools::IntervalStats stats;
   EXPECT_EQ(stats.rate_hz(), 0.0);
-  stats.add(1, 5 * kMs);
+  stats.add(1, 5 * rtbus::kNsPerMs);
   EXPECT_EQ(stats.rate_hz(), 0.0);
   EXPECT_EQ(stats.intervals(), 0u);
 }
@@ -19,7 +18,7 @@ TEST(IntervalStats, HasNoRateBeforeTwoSamples) {
 TEST(IntervalStats, KnowsMeanExtremesAndDeviation) {
   tools::IntervalStats stats;
   for (const std::uint64_t stamp_ms : {0u, 1u, 3u, 6u})
-    stats.add(stamp_ms == 0 ? 1 : stats.samples() + 1, stamp_ms * kMs);
+    stats.add(stamp_ms == 0 ? 1 : stats.samples() + 1, stamp_ms * rtbus::kNsPerMs);
   EXPECT_DOUBLE_EQ(stats.rate_hz(), 500.0);  // three periods in 6 ms
   EXPECT_DOUBLE_EQ(stats.min_s(), 0.001);
   EXPECT_DOUBLE_EQ(stats.max_s(), 0.003);
@@ -30,8 +29,8 @@ TEST(IntervalStats, KnowsMeanExtremesAndDeviation) {
 TEST(IntervalStats, DoesNotTakeAGapForASlowPeriod) {
   tools::IntervalStats stats;
   stats.add(1, 0);
-  stats.add(2, 1 * kMs);
-  stats.add(6, 5 * kMs);  // 3, 4 and 5 were overwritten before they were read
+  stats.add(2, 1 * rtbus::kNsPerMs);
+  stats.add(6, 5 * rtbus::kNsPerMs);  // 3, 4 and 5 were overwritten before they were read
   EXPECT_EQ(stats.missed(), 3u);
   EXPECT_EQ(stats.intervals(), 1u);
   EXPECT_DOUBLE_EQ(stats.max_s(), 0.001);
@@ -40,10 +39,10 @@ TEST(IntervalStats, DoesNotTakeAGapForASlowPeriod) {
 
 TEST(IntervalStats, BeginsAnewWhenTheTopicDoes) {
   tools::IntervalStats stats;
-  stats.add(100, 100 * kMs);
-  stats.add(101, 101 * kMs);
-  stats.add(1, 500 * kMs);
-  stats.add(2, 501 * kMs);
+  stats.add(100, 100 * rtbus::kNsPerMs);
+  stats.add(101, 101 * rtbus::kNsPerMs);
+  stats.add(1, 500 * rtbus::kNsPerMs);
+  stats.add(2, 501 * rtbus::kNsPerMs);
   EXPECT_EQ(stats.missed(), 0u);
   EXPECT_EQ(stats.intervals(), 2u);
   EXPECT_DOUBLE_EQ(stats.rate_hz(), 1000.0);
@@ -52,10 +51,10 @@ TEST(IntervalStats, BeginsAnewWhenTheTopicDoes) {
 TEST(IntervalStats, ANewWindowStillKnowsTheSampleBefore) {
   tools::IntervalStats stats;
   stats.add(1, 0);
-  stats.add(2, 10 * kMs);
+  stats.add(2, 10 * rtbus::kNsPerMs);
   stats.begin_window();
   EXPECT_EQ(stats.rate_hz(), 0.0);
-  stats.add(3, 12 * kMs);
+  stats.add(3, 12 * rtbus::kNsPerMs);
   EXPECT_EQ(stats.intervals(), 1u);
   EXPECT_DOUBLE_EQ(stats.rate_hz(), 500.0);
 }
@@ -72,28 +71,29 @@ TEST(IntervalStats, KeepsItsPrecisionOverAnHourAtOneKilohertz) {
 
 tools::IntervalStats at_1_khz() {
   tools::IntervalStats stats;
-  for (std::uint64_t i = 1; i <= 100; ++i) stats.add(i, i * kMs);
+  for (std::uint64_t i = 1; i <= 100; ++i) stats.add(i, i * rtbus::kNsPerMs);
   return stats;
 }
 
 TEST(JudgeRate, IsTheRateOfWhatIsHeldWhileSamplesCome) {
-  const auto rate = tools::judge_rate(at_1_khz(), 100 * kMs, 101 * kMs);
+  const auto rate = tools::judge_rate(at_1_khz(), 100 * rtbus::kNsPerMs, 101 * rtbus::kNsPerMs);
   EXPECT_NEAR(rate.rate_hz.value(), 1000.0, 1e-6);
   EXPECT_DOUBLE_EQ(rate.age_s.value(), 0.001);
 }
 
 TEST(JudgeRate, IsZeroWhenTheWriterHasFallenSilent) {
-  EXPECT_EQ(tools::judge_rate(at_1_khz(), 100 * kMs, 400 * kMs).rate_hz.value(), 0.0);
+  EXPECT_EQ(tools::judge_rate(at_1_khz(), 100 * rtbus::kNsPerMs, 400 * rtbus::kNsPerMs).rate_hz.value(), 0.0);
 }
 
 TEST(JudgeRate, GivesASlowTopicItsTime) {
   tools::IntervalStats once_a_second;
-  for (std::uint64_t i = 1; i <= 4; ++i) once_a_second.add(i, i * 1000 * kMs);
-  EXPECT_DOUBLE_EQ(tools::judge_rate(once_a_second, 4000 * kMs, 4900 * kMs).rate_hz.value(), 1.0);
+  for (std::uint64_t i = 1; i <= 4; ++i) once_a_second.add(i, i * 1000 * rtbus::kNsPerMs);
+  EXPECT_DOUBLE_EQ(tools::judge_rate(once_a_second, 4000 * rtbus::kNsPerMs, 4900 * rtbus::kNsPerMs).rate_hz.value(),
+                   1.0);
 }
 
 TEST(JudgeRate, KnowsNothingOfAnEmptyTopic) {
-  const auto rate = tools::judge_rate({}, 0, 100 * kMs);
+  const auto rate = tools::judge_rate({}, 0, 100 * rtbus::kNsPerMs);
   EXPECT_FALSE(rate.rate_hz.has_value());
   EXPECT_FALSE(rate.age_s.has_value());
 }

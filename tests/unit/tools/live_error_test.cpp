@@ -1,4 +1,5 @@
-#include "tools/live_error.hpp"
+#include "tools/cli/run/live_error.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +14,6 @@ namespace {
 constexpr double kStiffness_n_per_m = 200.0;
 constexpr double kDamping_n_s_per_m = 0.5;
 constexpr double kSpeed_m_s = 0.1;
-constexpr std::uint64_t kMs = 1'000'000;
 constexpr std::uint64_t kStart_ns = 1'000'000'000;
 
 /// A proxy that moves along x with kSpeed_m_s, seen at `time_ns`.
@@ -25,8 +25,7 @@ LiveError make_live_error(const haptic::MappingConfig& mapping = {}) {
   return LiveError(
       mapping,
       [](const haptic::Mapping& own) {
-        return haptic::find_renderer("remote_virtual_coupling")
-            ->make({kStiffness_n_per_m, kDamping_n_s_per_m, own, {}});
+        return haptic::find_method("remote_virtual_coupling")->make({kStiffness_n_per_m, kDamping_n_s_per_m, own, {}});
       },
       1e-3);
 }
@@ -56,8 +55,9 @@ rtbus::Telemetry tick_at(std::uint64_t time_ns, std::uint64_t used_ns) {
 TEST(LiveError, IsZeroWhenTheProxyOfTheTickItselfWasUsed) {
   LiveError error = make_live_error();
   error.add_proxy(proxy_at(kStart_ns));
-  for (std::uint64_t ms = 1; ms < 20; ++ms) error.add_tick(tick_at(kStart_ns + ms * kMs, kStart_ns + ms * kMs));
-  error.add_proxy(proxy_at(kStart_ns + 20 * kMs));
+  for (std::uint64_t ms = 1; ms < 20; ++ms)
+    error.add_tick(tick_at(kStart_ns + ms * rtbus::kNsPerMs, kStart_ns + ms * rtbus::kNsPerMs));
+  error.add_proxy(proxy_at(kStart_ns + 20 * rtbus::kNsPerMs));
   EXPECT_EQ(error.compared(), 19u);
   EXPECT_NEAR(error.force_n().peak, 0.0, 1e-12);
   EXPECT_NEAR(error.position_m().peak, 0.0, 1e-15);
@@ -66,8 +66,8 @@ TEST(LiveError, IsZeroWhenTheProxyOfTheTickItselfWasUsed) {
 TEST(LiveError, OfAConstantDelayIsStiffnessTimesSpeedTimesDelay) {
   LiveError error = make_live_error();
   for (std::uint64_t ms = 0; ms <= 200; ++ms) {
-    const std::uint64_t now_ns = kStart_ns + ms * kMs;
-    if (ms >= 5) error.add_tick(tick_at(now_ns, now_ns - 5 * kMs));
+    const std::uint64_t now_ns = kStart_ns + ms * rtbus::kNsPerMs;
+    if (ms >= 5) error.add_tick(tick_at(now_ns, now_ns - 5 * rtbus::kNsPerMs));
     if (ms % 20 == 0) error.add_proxy(proxy_at(now_ns));
   }
   const double expected_n = kStiffness_n_per_m * kSpeed_m_s * 5e-3;
@@ -81,9 +81,9 @@ TEST(LiveError, OfAHeldProxyIsASawtooth) {
   // Steps every 20 ms, each proxy used from its own instant to the next: the delay grows from 0 to 19 ms.
   LiveError error = make_live_error();
   for (std::uint64_t ms = 0; ms <= 400; ++ms) {
-    const std::uint64_t now_ns = kStart_ns + ms * kMs;
+    const std::uint64_t now_ns = kStart_ns + ms * rtbus::kNsPerMs;
     if (ms % 20 == 0) error.add_proxy(proxy_at(now_ns));
-    error.add_tick(tick_at(now_ns, now_ns - (ms % 20) * kMs));
+    error.add_tick(tick_at(now_ns, now_ns - (ms % 20) * rtbus::kNsPerMs));
   }
   const double unit_n = kStiffness_n_per_m * kSpeed_m_s * 1e-3;
   EXPECT_NEAR(error.force_n().peak, 19.0 * unit_n, 1e-9);
@@ -103,18 +103,18 @@ TEST(LiveError, IsMeasuredAtTheDeviceWhateverTheScale) {
     return proxy;
   };
   error.add_proxy(in_world(proxy_at(kStart_ns)));
-  error.add_tick(tick_at(kStart_ns + 10 * kMs, kStart_ns + 6 * kMs));
-  error.add_proxy(in_world(proxy_at(kStart_ns + 20 * kMs)));
+  error.add_tick(tick_at(kStart_ns + 10 * rtbus::kNsPerMs, kStart_ns + 6 * rtbus::kNsPerMs));
+  error.add_proxy(in_world(proxy_at(kStart_ns + 20 * rtbus::kNsPerMs)));
   ASSERT_EQ(error.compared(), 1u);
   EXPECT_NEAR(error.force_n().peak, kStiffness_n_per_m * kSpeed_m_s * 4e-3, 1e-9);
 }
 
 TEST(LiveError, DropsTicksWithoutAProxyOnBothSides) {
   LiveError error = make_live_error();
-  error.add_tick(tick_at(kStart_ns - 5 * kMs, kStart_ns - 5 * kMs));  // before the first proxy
+  error.add_tick(tick_at(kStart_ns - 5 * rtbus::kNsPerMs, kStart_ns - 5 * rtbus::kNsPerMs));  // before the first proxy
   error.add_proxy(proxy_at(kStart_ns));
-  error.add_proxy(proxy_at(kStart_ns + 20 * kMs));
-  error.add_tick(tick_at(kStart_ns + 25 * kMs, kStart_ns + 20 * kMs));  // after the last
+  error.add_proxy(proxy_at(kStart_ns + 20 * rtbus::kNsPerMs));
+  error.add_tick(tick_at(kStart_ns + 25 * rtbus::kNsPerMs, kStart_ns + 20 * rtbus::kNsPerMs));  // after the last
   EXPECT_EQ(error.compared(), 0u);
   EXPECT_EQ(error.dropped(), 2u);
 }
@@ -122,19 +122,19 @@ TEST(LiveError, DropsTicksWithoutAProxyOnBothSides) {
 TEST(LiveError, DoesNotBridgeTheTimeInWhichPhysicsWasAway) {
   LiveError error = make_live_error();
   error.add_proxy(proxy_at(kStart_ns));
-  error.add_tick(tick_at(kStart_ns + 500 * kMs, kStart_ns));
-  error.add_proxy(proxy_at(kStart_ns + 1000 * kMs));
+  error.add_tick(tick_at(kStart_ns + 500 * rtbus::kNsPerMs, kStart_ns));
+  error.add_proxy(proxy_at(kStart_ns + 1000 * rtbus::kNsPerMs));
   EXPECT_EQ(error.compared(), 0u);
   // A declared period of a second makes the same distance an ordinary step.
-  error.add_tick(tick_at(kStart_ns + 1500 * kMs, kStart_ns + 1000 * kMs));
-  error.add_proxy(proxy_at(kStart_ns + 2000 * kMs, 1.0));
+  error.add_tick(tick_at(kStart_ns + 1500 * rtbus::kNsPerMs, kStart_ns + 1000 * rtbus::kNsPerMs));
+  error.add_proxy(proxy_at(kStart_ns + 2000 * rtbus::kNsPerMs, 1.0));
   EXPECT_EQ(error.compared(), 1u);
 }
 
 TEST(LiveError, IgnoresTicksInWhichNoLawWasFollowed) {
   LiveError error = make_live_error();
   error.add_proxy(proxy_at(kStart_ns));
-  rtbus::Telemetry tick = tick_at(kStart_ns + 10 * kMs, kStart_ns);
+  rtbus::Telemetry tick = tick_at(kStart_ns + 10 * rtbus::kNsPerMs, kStart_ns);
   tick.safety = haptic::kDisabled;
   error.add_tick(tick);
   tick.safety = haptic::kDeviceLost;
@@ -142,7 +142,7 @@ TEST(LiveError, IgnoresTicksInWhichNoLawWasFollowed) {
   tick.safety = 0;
   tick.proxy_sequence = 0;
   error.add_tick(tick);
-  error.add_proxy(proxy_at(kStart_ns + 20 * kMs));
+  error.add_proxy(proxy_at(kStart_ns + 20 * rtbus::kNsPerMs));
   EXPECT_EQ(error.compared(), 0u);
   EXPECT_EQ(error.dropped(), 3u);
 }
@@ -150,8 +150,8 @@ TEST(LiveError, IgnoresTicksInWhichNoLawWasFollowed) {
 TEST(LiveError, IgnoresAnswersToARebasedMapping) {
   LiveError error = make_live_error();
   error.add_proxy(proxy_at(kStart_ns));
-  error.add_tick(tick_at(kStart_ns + 10 * kMs, kStart_ns));
-  rtbus::ProxyState rebased = proxy_at(kStart_ns + 20 * kMs);
+  error.add_tick(tick_at(kStart_ns + 10 * rtbus::kNsPerMs, kStart_ns));
+  rtbus::ProxyState rebased = proxy_at(kStart_ns + 20 * rtbus::kNsPerMs);
   rebased.mapping_epoch = 2;
   error.add_proxy(rebased);
   EXPECT_EQ(error.compared(), 0u);
@@ -163,8 +163,8 @@ TEST(LiveError, TakesTheNewerOfTwoAnswersToOneSample) {
   early.position_m[0] = 1.0;  // physics at twice the rate of the device: a first, coarser answer
   error.add_proxy(early);
   error.add_proxy(proxy_at(kStart_ns));
-  error.add_tick(tick_at(kStart_ns + 5 * kMs, kStart_ns + 5 * kMs));
-  error.add_proxy(proxy_at(kStart_ns + 20 * kMs));
+  error.add_tick(tick_at(kStart_ns + 5 * rtbus::kNsPerMs, kStart_ns + 5 * rtbus::kNsPerMs));
+  error.add_proxy(proxy_at(kStart_ns + 20 * rtbus::kNsPerMs));
   ASSERT_EQ(error.compared(), 1u);
   EXPECT_NEAR(error.force_n().peak, 0.0, 1e-12);
 }
@@ -172,7 +172,7 @@ TEST(LiveError, TakesTheNewerOfTwoAnswersToOneSample) {
 TEST(LiveError, StaysBoundedWhenPhysicsNeverAnswers) {
   LiveError error = make_live_error();
   constexpr std::uint64_t kTicks = 200'000;
-  for (std::uint64_t i = 0; i < kTicks; ++i) error.add_tick(tick_at(kStart_ns + i * kMs, kStart_ns));
+  for (std::uint64_t i = 0; i < kTicks; ++i) error.add_tick(tick_at(kStart_ns + i * rtbus::kNsPerMs, kStart_ns));
   EXPECT_EQ(error.dropped(), kTicks);
 }
 

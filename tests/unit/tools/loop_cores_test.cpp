@@ -1,5 +1,5 @@
 // Which CPUs an observer leaves to the loops, from what nodes say about themselves on the bus.
-#include "tools/loop_cores.hpp"
+#include "tools/cli/host/loop_cores.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>

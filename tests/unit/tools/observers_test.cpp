@@ -6,7 +6,6 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
-#include <CLI/CLI.hpp>
 
 #include <atomic>
 #include <nlohmann/json.hpp>
@@ -16,7 +15,7 @@
 
 #include "rtbus/clock.hpp"
 #include "rtbus/topic.hpp"
-#include "tools/command.hpp"
+#include "tools/cli/common/command.hpp"
 
 namespace observers {
 
@@ -47,18 +46,13 @@ struct Outcome {
 };
 
 /// Parses `arguments` as `rtbus COMMAND …` does and runs the command in this process.
-Outcome call(tools::Action (*add)(CLI::App&), const std::string& arguments) {
-  CLI::App command;
-  const tools::Action action = add(command);
+Outcome call(tools::Action (*add)(rtbus::Command), const std::string& arguments) {
+  rtbus::CommandLine line("rtbus", "");
+  const tools::Action action = add(line.root());
   Outcome outcome;
   testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
-  try {
-    command.parse(arguments);
-    outcome.status = action();
-  } catch (const CLI::ParseError&) {
-    outcome.status = tools::kExitUsage;
-  }
+  outcome.status = line.root().complaint_about(arguments) ? tools::kExitUsage : action();
   std::fflush(stdout);
   outcome.out = testing::internal::GetCapturedStdout();
   outcome.err = testing::internal::GetCapturedStderr();
@@ -124,6 +118,19 @@ TEST_F(Observers, EchoWritesEverySampleInOrderAsCsv) {
   }
   EXPECT_EQ(rows, 20);
   EXPECT_THAT(outcome.err, HasSubstr("missed"));
+}
+
+// Machine-readable output is every sample in order, unless a rate is asked for.
+TEST_F(Observers, EchoAsCsvKeepsToARate) {
+  keep_publishing();
+  for (const char* format : {"--csv", "--json"}) {
+    const std::uint64_t begin_ns = rtbus::monotonic_ns();
+    const Outcome outcome = call(tools::add_echo, with_session(std::string("sensor.reading --rate 50 -n 6 ") + format));
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_GE(rtbus::seconds_between(begin_ns, rtbus::monotonic_ns()), 5 * 0.020) << "five pauses between six samples";
+    EXPECT_THAT(outcome.err, Not(HasSubstr("missed"))) << "what lies between was not asked for";
+  }
+  EXPECT_EQ(call(tools::add_echo, with_session("sensor.reading --all --rate 50 -n 1")).status, 2);
 }
 
 TEST_F(Observers, EchoFailsWhenNothingComesInTime) {

@@ -1,23 +1,18 @@
-#include "tools/report.hpp"
+#include "tools/cli/run/report.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <set>
 
 namespace tools {
 namespace {
 
+using rtbus::set_text;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-template <std::size_t N>
-void set_text(rtbus::Text<N>& out, const char* text) {
-  std::strncpy(out.data(), text, N - 1);
-}
 
 RunReport make_report() {
   RunReport report;
@@ -37,7 +32,7 @@ RunReport make_report() {
   set_text(haptic.info.method, "remote_virtual_coupling");
   set_text(haptic.info.clock, "timer");
   set_text(haptic.info.scheduling, "SCHED_FIFO");
-  set_text(haptic.info.left_out, "libusb, USB I/O thread, torque path");
+  set_text(haptic.info.left_out, "libusb, USB I/O thread, pipe thread");
   haptic.info.rate_hz = 1000.0;
   haptic.stats.ticks = 19990;
   haptic.stats.ticks_due = 20000;
@@ -126,7 +121,15 @@ TEST(Report, CarriesTheFiguresToTheirKeys) {
   EXPECT_EQ(haptic["force_error_n"]["peak"], 4.0);
   EXPECT_NEAR(haptic["cpu_s_per_s"].get<double>(), 0.1, 1e-12);
   EXPECT_NEAR(json["physics"]["cpu_s_per_simulated_s"].get<double>(), 0.05, 1e-12);
-  EXPECT_EQ(haptic["left_out"], (nlohmann::ordered_json{"libusb", "USB I/O thread", "torque path"}));
+  EXPECT_EQ(haptic["left_out"], (nlohmann::ordered_json{"libusb", "USB I/O thread", "pipe thread"}));
+}
+
+TEST(Report, RepeatsTheWarningsOfTheNodes) {
+  RunReport report = make_report();
+  EXPECT_EQ(to_json(report)["warnings"], nlohmann::ordered_json::array());
+  report.warnings = {"haptic0: wall.yaml:12: haptic.0.proxy.mass_kg = 50 is more than the hand moves"};
+  EXPECT_EQ(to_json(report)["warnings"][0], report.warnings[0]);
+  EXPECT_NE(to_text(report).find("WARNING: " + report.warnings[0] + "\n"), std::string::npos);
 }
 
 TEST(Report, SaysWhyThereIsNoForceError) {
@@ -144,7 +147,7 @@ TEST(Report, SaysWhyThereIsNoForceError) {
 TEST(Report, CarriesTheLinkOfAUsbDevice) {
   RunReport report = make_report();
   EXPECT_TRUE(to_json(report)["haptic"][0]["link"].is_null());
-  EXPECT_THAT(to_text(report), testing::Not(HasSubstr("USB link")));
+  EXPECT_THAT(to_text(report), testing::Not(HasSubstr("  link ")));
   auto& link = report.haptic[0].link.emplace();
   link.exchanges = 60'024;
   link.silences = 3;

@@ -1,4 +1,4 @@
-#include "tools/restart_policy.hpp"
+#include "tools/cli/run/restart_policy.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

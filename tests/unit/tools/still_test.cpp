@@ -1,4 +1,4 @@
-#include "tools/still.hpp"
+#include "tools/cli/still/still.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "rtbus/topic.hpp"
-#include "tools/run_program.hpp"
-#include "tools/still_scene.hpp"
+#include "tools/cli/common/run_program.hpp"
+#include "tools/cli/still/still_scene.hpp"
 
 namespace tools {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/supervisor.hpp"
+#include "tools/cli/run/supervisor.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "tools/top_keys.hpp"
+#include "tools/cli/top/top_keys.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/top_marks.hpp"
+#include "tools/cli/top/top_marks.hpp"
 
 #include <gtest/gtest.h>
 

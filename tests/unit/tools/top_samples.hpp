@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string>
 
-#include "tools/top_view.hpp"
+#include "tools/cli/top/top_view.hpp"
 
 namespace tests {
 
@@ -38,7 +38,7 @@ inline tools::HapticView haptic(const std::string& name) {
   set(view.info->clock, "timer");
   set(view.info->scheduling, "SCHED_FIFO");
   set(view.info->realtime, "SCHED_FIFO 80, core 1, memory locked, cpu_dma_latency 0 us");
-  set(view.info->left_out, "libusb, USB I/O thread, torque path, telemetry while nobody looks");
+  set(view.info->left_out, "libusb, USB I/O thread, pipe thread, telemetry without an observer");
   view.info->force_limit_n = 8.0;
   view.info->core = 1;
   view.stats.emplace();

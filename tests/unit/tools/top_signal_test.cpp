@@ -1,4 +1,4 @@
-#include "tools/top_signal.hpp"
+#include "tools/cli/top/top_signal.hpp"
 
 #include <gtest/gtest.h>
 

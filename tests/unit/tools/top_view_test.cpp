@@ -1,4 +1,4 @@
-#include "tools/top_view.hpp"
+#include "tools/cli/top/top_view.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 
 #include "haptic_node/safety.hpp"
 #include "tests/unit/tools/top_samples.hpp"
-#include "tools/top_json.hpp"
-#include "tools/top_marks.hpp"
+#include "tools/cli/top/top_json.hpp"
+#include "tools/cli/top/top_marks.hpp"
 
 namespace {
 
@@ -238,7 +238,7 @@ TEST(TopView, TellsWhatToDoWhenNothingRuns) {
   tools::TopSnapshot nothing;
   nothing.message = "no session is running";
   EXPECT_THAT(screen(nothing, 80, 24), HasSubstr("no session is running"));
-  EXPECT_THAT(screen(nothing, 80, 24), HasSubstr("rtbus run config/wall.yaml"));
+  EXPECT_THAT(screen(nothing, 80, 24), HasSubstr("rtbus run wall"));
   EXPECT_THAT(screen(nothing, 12, 24), HasSubstr("\nno session\nis running\n"));
 }
 
@@ -316,7 +316,7 @@ TEST(ForceBetween, IsZeroAndNotNanWhenTheForceHasCeased) {
 TEST(TopLink, ShowsTheLinkOfAUsbDeviceAndOnlyOfOne) {
   auto of = snapshot();
   EXPECT_FALSE(tools::top_json(of)["haptic"][0].contains("link"));
-  EXPECT_THAT(screen(of, 120, 40), Not(HasSubstr("USB link")));
+  EXPECT_THAT(screen(of, 120, 40), Not(HasSubstr("  link  ")));
   auto& link = of.haptic[0].link.emplace();
   link.state = static_cast<std::uint32_t>(rtbus::LinkState::kNotReady);
   link.exchanges = 60'024;
@@ -326,7 +326,7 @@ TEST(TopLink, ShowsTheLinkOfAUsbDeviceAndOnlyOfOne) {
   EXPECT_EQ(json["state"], "not homed");
   EXPECT_EQ(json["exchanges"], 60'024);
   EXPECT_EQ(json["sample_to_wire_us"]["p99"], 29.0);
-  EXPECT_THAT(screen(of, 120, 40), HasSubstr("USB link  not homed  exchanges 60024  unanswered 3"));
+  EXPECT_THAT(screen(of, 120, 40), HasSubstr("link  not homed  exchanges 60024  unanswered 3"));
 }
 
 TEST(TopJson, CarriesTheFiguresUnderTheNamesOfTheReport) {

@@ -1,4 +1,4 @@
-#include "tools/trace.hpp"
+#include "tools/cli/run/trace.hpp"
 
 #include <gtest/gtest.h>
 

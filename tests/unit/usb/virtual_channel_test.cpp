@@ -1,5 +1,6 @@
 // A channel in simulated time: what a protocol sees when the device is slow, stalls, or is pulled out.
 #include "drivers/virtual_usb/virtual_channel.hpp"
+#include "rtbus/clock.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,12 +13,12 @@ namespace drivers::virtual_usb {
 namespace {
 
 using usb::UsbStatus;
-constexpr std::uint64_t kMs = 1'000'000;
-
 class VirtualChannelTest : public testing::Test {
  protected:
-  UsbStatus write(std::vector<std::uint8_t> bytes) { return channel_.write(bytes, channel_.now_ns() + 10 * kMs); }
-  UsbStatus read(std::uint64_t patience_ns = 10 * kMs) {
+  UsbStatus write(std::vector<std::uint8_t> bytes) {
+    return channel_.write(bytes, channel_.now_ns() + 10 * rtbus::kNsPerMs);
+  }
+  UsbStatus read(std::uint64_t patience_ns = 10 * rtbus::kNsPerMs) {
     return channel_.read(buffer_, got_, channel_.now_ns() + patience_ns);
   }
   tests::EchoDevice device_;
@@ -27,7 +28,7 @@ class VirtualChannelTest : public testing::Test {
 };
 
 TEST_F(VirtualChannelTest, TimePassesOnlyUntilTheDeviceAnswers) {
-  device_.delay_ns = 3 * kMs;
+  device_.delay_ns = 3 * rtbus::kNsPerMs;
   const std::uint64_t start_ns = channel_.now_ns();
   EXPECT_EQ(write({1, 2, 3}), UsbStatus::kOk);
   EXPECT_EQ(read(), UsbStatus::kOk);
@@ -38,13 +39,13 @@ TEST_F(VirtualChannelTest, TimePassesOnlyUntilTheDeviceAnswers) {
 TEST_F(VirtualChannelTest, ReadEndsAtItsDeadline) {
   const std::uint64_t start_ns = channel_.now_ns();
   EXPECT_EQ(read(), UsbStatus::kTimeout);
-  EXPECT_EQ(channel_.now_ns(), start_ns + 10 * kMs);
+  EXPECT_EQ(channel_.now_ns(), start_ns + 10 * rtbus::kNsPerMs);
 }
 
 TEST_F(VirtualChannelTest, AnAnswerBetweenCallsIsNotLost) {
   EXPECT_EQ(write({1}), UsbStatus::kOk);
   EXPECT_EQ(write({2}), UsbStatus::kOk);
-  EXPECT_EQ(channel_.sleep_until(channel_.now_ns() + 20 * kMs), UsbStatus::kOk);
+  EXPECT_EQ(channel_.sleep_until(channel_.now_ns() + 20 * rtbus::kNsPerMs), UsbStatus::kOk);
   EXPECT_EQ(read(), UsbStatus::kOk);
   EXPECT_EQ(buffer_[0], 1);
   EXPECT_EQ(read(), UsbStatus::kOk);
@@ -68,7 +69,7 @@ TEST_F(VirtualChannelTest, AStallIsToldOnceAndCleared) {
 }
 
 TEST_F(VirtualChannelTest, ControlRequests) {
-  const std::uint64_t deadline_ns = channel_.now_ns() + 100 * kMs;
+  const std::uint64_t deadline_ns = channel_.now_ns() + 100 * rtbus::kNsPerMs;
   EXPECT_EQ(channel_.control_out({0x40, 1, 0x0203, 0}, {}, deadline_ns), UsbStatus::kOk);
   EXPECT_EQ(channel_.control_in({0x40, 2, 0, 0}, buffer_, got_, deadline_ns), UsbStatus::kOk);
   EXPECT_EQ(got_, 2u);
@@ -77,7 +78,7 @@ TEST_F(VirtualChannelTest, ControlRequests) {
 }
 
 TEST_F(VirtualChannelTest, UnplugAndReplug) {
-  channel_.unplug_at(channel_.now_ns() + 2 * kMs);
+  channel_.unplug_at(channel_.now_ns() + 2 * rtbus::kNsPerMs);
   EXPECT_EQ(read(), UsbStatus::kLost);
   EXPECT_EQ(write({1}), UsbStatus::kLost);
   channel_.replug();
@@ -86,11 +87,11 @@ TEST_F(VirtualChannelTest, UnplugAndReplug) {
 }
 
 TEST_F(VirtualChannelTest, StopEndsAWait) {
-  channel_.stop_at(channel_.now_ns() + 2 * kMs);
+  channel_.stop_at(channel_.now_ns() + 2 * rtbus::kNsPerMs);
   EXPECT_EQ(read(), UsbStatus::kStopping);
-  EXPECT_EQ(channel_.sleep_until(channel_.now_ns() + kMs), UsbStatus::kStopping);
+  EXPECT_EQ(channel_.sleep_until(channel_.now_ns() + rtbus::kNsPerMs), UsbStatus::kStopping);
   channel_.stop_at(kNever);
-  EXPECT_EQ(channel_.sleep_until(channel_.now_ns() + kMs), UsbStatus::kOk);
+  EXPECT_EQ(channel_.sleep_until(channel_.now_ns() + rtbus::kNsPerMs), UsbStatus::kOk);
 }
 
 }  // namespace

@@ -11,8 +11,8 @@
 #include <string>
 #include <utility>
 
-#include "drivers/usb/driver_module.hpp"
-#include "drivers/usb/libusb_context.hpp"
+#include "drivers/usb_host/libusb_context.hpp"
+#include "drivers/usb_module/driver_module.hpp"
 #include "tests/support/echo_device.hpp"
 
 namespace drivers::usb {

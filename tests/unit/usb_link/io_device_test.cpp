@@ -1,6 +1,6 @@
 // The I/O thread over the real libusb: force rules, hand-over, loss and return. Nothing here asserts how long
 // something takes; what must happen is waited for.
-#include "drivers/usb/io_device.hpp"
+#include "drivers/usb_host/usb_line.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -19,8 +19,6 @@ using testing::HasSubstr;
 using tests::EchoPort;
 using tests::EchoProtocol;
 using tests::eventually;
-constexpr std::uint64_t kMs = rtbus::kNsPerMs;
-
 IoSettings settings() {
   IoSettings out;
   out.info.model = "echo";
@@ -36,9 +34,9 @@ IoSettings settings() {
 
 class IoDeviceTest : public testing::Test {
  protected:
-  void make(EchoProtocol::Settings protocol = {}, IoSettings io = settings()) {
+  void make(EchoProtocol::Settings protocol = {}, const IoSettings& io = settings()) {
     protocol.shut_downs = &shut_downs_;
-    device_ = std::make_unique<IoDevice>(
+    device_ = make_io_device(
         io, IoThread{}, [protocol] { return std::make_unique<EchoProtocol>(protocol); },
         [this](StopFlag& stop) { return port_.open(stop); });
   }
@@ -53,7 +51,7 @@ class IoDeviceTest : public testing::Test {
   }
   /// One cycle of a loop that the device paces.
   IoStatus cycle(const Vec3& force_n) {
-    const IoStatus waited = device_->wait_sample(rtbus::monotonic_ns() + 2000 * kMs);
+    const IoStatus waited = device_->wait_sample(rtbus::monotonic_ns() + 2000 * rtbus::kNsPerMs);
     const IoStatus got = device_->read(rtbus::monotonic_ns(), sample_);
     const IoStatus wrote = device_->write(rtbus::monotonic_ns(), {force_n});
     return waited != IoStatus::kOk   ? waited
@@ -138,7 +136,7 @@ TEST_F(IoDeviceTest, ADeviceThatFallsSilentGetsItsZeroWithinTwentyMilliseconds) 
     // The loop goes on asking for the force, as it would: the link works, only the device says nothing.
     for (int i = 0; i < 30; ++i) {
       (void)device_->write(rtbus::monotonic_ns(), {{1, 0, 0}});
-      rtbus::sleep_until(rtbus::monotonic_ns() + kMs);
+      rtbus::sleep_until(rtbus::monotonic_ns() + rtbus::kNsPerMs);
     }
     port_.locked([&] {
       last_answer_ns = port_.device.last_answer_ns;
@@ -236,7 +234,7 @@ TEST_F(IoDeviceTest, NotHomedMeansNoPoseNoForceAndSaysWhatToDo) {
   EXPECT_THAT(device_->take_notice(), HasSubstr("move the handle to its rest"));
   EXPECT_EQ(device_->read(rtbus::monotonic_ns(), sample_), IoStatus::kLost);
   EXPECT_EQ(device_->write(rtbus::monotonic_ns(), {{1, 0, 0}}), IoStatus::kLost);
-  EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns() + 10 * kMs), IoStatus::kLost);
+  EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns() + 10 * rtbus::kNsPerMs), IoStatus::kLost);
   homed.store(true);
   EXPECT_TRUE(running());
   EXPECT_THAT(device_->take_notice(), HasSubstr("ready"));
@@ -250,7 +248,7 @@ TEST_F(IoDeviceTest, UnplugAndReplugInMidRun) {
   port_.port->unplug();
   EXPECT_TRUE(eventually(5.0, [&] { return device_->read(rtbus::monotonic_ns(), sample_) == IoStatus::kLost; }));
   EXPECT_EQ(device_->write(rtbus::monotonic_ns(), {{1, 0, 0}}), IoStatus::kLost);
-  EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns() + 1000 * kMs), IoStatus::kLost);
+  EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns() + 1000 * rtbus::kNsPerMs), IoStatus::kLost);
   EXPECT_TRUE(eventually(5.0, [&] { return device_->figures().losses == 1; }));
   EXPECT_THAT(device_->take_notice(), HasSubstr("unplugged"));
   EXPECT_EQ(device_->take_notice(), "");
@@ -266,13 +264,13 @@ TEST_F(IoDeviceTest, APendingWaitEndsWhenTheDeviceGoes) {
   start();
   port_.locked([&] { port_.device.mute = true; });
   std::thread hand([&] {
-    rtbus::sleep_until(rtbus::monotonic_ns() + 50 * kMs);
+    rtbus::sleep_until(rtbus::monotonic_ns() + 50 * rtbus::kNsPerMs);
     port_.port->unplug();
   });
   IoStatus status = IoStatus::kOk;
   ASSERT_TRUE(eventually(10.0, [&] {
     (void)device_->read(rtbus::monotonic_ns(), sample_);
-    status = device_->wait_sample(rtbus::monotonic_ns() + 5000 * kMs);
+    status = device_->wait_sample(rtbus::monotonic_ns() + 5000 * rtbus::kNsPerMs);
     return status != IoStatus::kOk;
   }));
   EXPECT_EQ(status, IoStatus::kLost);
@@ -355,7 +353,7 @@ TEST_F(IoDeviceTest, ADeviceThatNeverAnswersFailsTheStart) {
 TEST_F(IoDeviceTest, StopEndsABringUpThatWaits) {
   make({.wait_in_bring_up = true});
   std::thread other([&] {
-    rtbus::sleep_until(rtbus::monotonic_ns() + 50 * kMs);
+    rtbus::sleep_until(rtbus::monotonic_ns() + 50 * rtbus::kNsPerMs);
     device_->cancel_start();
   });
   const auto started = device_->start(0);
@@ -379,7 +377,7 @@ TEST_F(IoDeviceTest, StopLeavesZeroForceAndMayBeFollowedByStart) {
 
 TEST_F(IoDeviceTest, FetchFirstAnswersAFreshMeasurement) {
   IoSettings io = settings();
-  io.fetch_first = true;
+  io.order = ExchangeOrder::kFetchFirst;
   make({}, io);
   start();
   int good = 0;
@@ -397,7 +395,7 @@ TEST(IoDevices, TwoRunSideBySide) {
   EchoPort ports[2];
   std::unique_ptr<IoDevice> devices[2];
   for (int i = 0; i < 2; ++i) {
-    devices[i] = std::make_unique<IoDevice>(
+    devices[i] = make_io_device(
         settings(), IoThread{}, [] { return std::make_unique<EchoProtocol>(EchoProtocol::Settings{}); },
         [&ports, i](StopFlag& stop) { return ports[i].open(stop); });
     const auto started = devices[i]->start(0);

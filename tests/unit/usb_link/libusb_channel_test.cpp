@@ -13,8 +13,6 @@ namespace drivers::usb {
 namespace {
 
 using tests::EchoPort;
-constexpr std::uint64_t kMs = rtbus::kNsPerMs;
-
 class LibusbChannelTest : public testing::Test {
  protected:
   void SetUp() override { open(); }
@@ -23,7 +21,7 @@ class LibusbChannelTest : public testing::Test {
     ASSERT_TRUE(opened) << opened.error().message;
     channel_ = std::move(*opened);
   }
-  std::uint64_t in_ms(std::uint64_t ms) { return channel_->now_ns() + ms * kMs; }
+  std::uint64_t in_ms(std::uint64_t ms) { return channel_->now_ns() + ms * rtbus::kNsPerMs; }
   UsbStatus write(std::vector<std::uint8_t> bytes, std::uint64_t ms = 2000) {
     return channel_->write(bytes, in_ms(ms));
   }
@@ -88,7 +86,7 @@ TEST_F(LibusbChannelTest, AStallIsClearedAndTheNextAnswerComes) {
 
 TEST_F(LibusbChannelTest, UnplugInFlightGivesLostAndReplugOpensAnew) {
   std::thread hand([&] {
-    rtbus::sleep_until(rtbus::monotonic_ns() + 20 * kMs);
+    rtbus::sleep_until(rtbus::monotonic_ns() + 20 * rtbus::kNsPerMs);
     port_.port->unplug();
   });
   EXPECT_EQ(read(5000), UsbStatus::kLost);
@@ -105,7 +103,7 @@ TEST_F(LibusbChannelTest, UnplugInFlightGivesLostAndReplugOpensAnew) {
 
 TEST_F(LibusbChannelTest, AStopEndsAWaitUnlessHeldBack) {
   std::thread other([&] {
-    rtbus::sleep_until(rtbus::monotonic_ns() + 20 * kMs);
+    rtbus::sleep_until(rtbus::monotonic_ns() + 20 * rtbus::kNsPerMs);
     stop_.raise();
   });
   EXPECT_EQ(read(60'000), UsbStatus::kStopping);
@@ -156,8 +154,8 @@ TEST(LibusbChannel, TwoDevicesDoNotMeet) {
     std::size_t got = 0;
     for (int i = 0; i < 300; ++i) {
       const std::uint8_t out[] = {mark, static_cast<std::uint8_t>(i)};
-      ASSERT_EQ(channel.write(out, channel.now_ns() + 5000 * kMs), UsbStatus::kOk);
-      ASSERT_EQ(channel.read(in, got, channel.now_ns() + 5000 * kMs), UsbStatus::kOk);
+      ASSERT_EQ(channel.write(out, channel.now_ns() + 5000 * rtbus::kNsPerMs), UsbStatus::kOk);
+      ASSERT_EQ(channel.read(in, got, channel.now_ns() + 5000 * rtbus::kNsPerMs), UsbStatus::kOk);
       ASSERT_EQ(in[0], mark);
       ASSERT_EQ(in[1], static_cast<std::uint8_t>(i));
     }

@@ -1,13 +1,14 @@
 // The keys that the device files of all USB drivers have in common: what is wrong with one is said with file, line,
 // key, value and remedy. And who uses a device.
-#include "drivers/usb/open_options.hpp"
+#include "drivers/usb_host/open_options.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "drivers/usb/libusb_context.hpp"
+#include "drivers/usb_host/libusb_context.hpp"
+#include "drivers/virtual_devices/kinds.hpp"
 #include "tests/support/bad_config.hpp"
 #include "tests/support/process.hpp"
 #include "tests/support/temporary_file.hpp"
@@ -24,7 +25,7 @@ TEST_P(BadUsb, IsRefusedWithItsReason) {
         rtbus::config::Map map = rtbus::config::load(file, overrides);
         (void)map.choice("schema", {"device/1"});
         (void)map.choice("driver", {"falcon"});
-        (void)parse_open_options(map, "falcon");
+        (void)parse_open_options(map, virtual_usb::find_kind("falcon"));
         map.finish();
       }));
 }

@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
-#include "drivers/usb/io_device.hpp"
-#include "drivers/usb/libusb_channel.hpp"
+#include "drivers/usb_host/libusb_channel.hpp"
+#include "drivers/usb_host/usb_line.hpp"
 #include "drivers/virtual_usb/usbfs_shim.hpp"
 #include "tests/support/echo_device.hpp"
 
@@ -41,10 +41,10 @@ class EchoProtocol final : public drivers::usb::Protocol {
   using ExchangeStatus = drivers::usb::ExchangeStatus;
 
   struct Settings {
-    std::string fail_with = {};                     ///< bring_up() fails with this text.
-    bool wait_in_bring_up = false;             ///< Never ends by itself.
-    const std::atomic<bool>* homed = nullptr;  ///< Null: always ready.
-    const std::atomic<bool>* fault = nullptr;  ///< receive() reports a fault while it is set.
+    std::string fail_with = {};                   ///< bring_up() fails with this text.
+    bool wait_in_bring_up = false;                ///< Never ends by itself.
+    const std::atomic<bool>* homed = nullptr;     ///< Null: always ready.
+    const std::atomic<bool>* fault = nullptr;     ///< receive() reports a fault while it is set.
     const std::atomic<bool>* withhold = nullptr;  ///< send() makes a force zero while it is set.
     std::atomic<int>* bring_up_policy = nullptr;  ///< How the thread was scheduled in bring_up(), …
     std::atomic<int>* exchange_policy = nullptr;  ///< … and in the newest send().

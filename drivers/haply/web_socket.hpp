@@ -1,0 +1,45 @@
+#pragma once
+/// @file web_socket.hpp
+/// One WebSocket to a service on this machine, used by one thread: it sends a text and waits for the next one, each
+/// until a deadline. A second, read-only one may be served along with it. Over libwebsockets; no thread of its own.
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "drivers/io/line.hpp"
+
+namespace drivers::haply {
+
+enum class WireStatus : std::uint8_t { kOk, kTimeout, kClosed };
+
+class WebSocket {
+ public:
+  WebSocket();
+  ~WebSocket();
+  WebSocket(const WebSocket&) = delete;
+  WebSocket& operator=(const WebSocket&) = delete;
+
+  /// Connects to ws://`address`:`port`/. Empty: it did; else why not, in the library's words.
+  [[nodiscard]] std::string connect(const std::string& address, int port, io::StopFlag& stop);
+  /// One text frame.
+  [[nodiscard]] WireStatus send(std::string_view text, std::uint64_t deadline_ns);
+  /// The next whole message; `out` is valid until the next call.
+  [[nodiscard]] WireStatus receive(std::string_view& out, std::uint64_t deadline_ns);
+  /// Drops what has arrived and was not received. @returns how many messages.
+  std::size_t discard();
+
+  /// Connects to a second port, whose messages take_event() gives. Nobody there: no events.
+  void follow_events(const std::string& address, int port, io::StopFlag& stop);
+  /// The oldest event that nobody has taken, out of what came while the first connection was served; empty: none.
+  [[nodiscard]] std::string take_event();
+
+  void close();
+
+  struct State;
+
+ private:
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace drivers::haply

@@ -1,0 +1,58 @@
+#pragma once
+/// @file order_box.hpp
+/// Orders of the user on their way from the housekeeping thread to the loop.
+#include <atomic>
+#include <cstdint>
+
+#include "haptic_node/gains.hpp"
+#include "rtbus/order_messages.hpp"
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// What acts on the loop. An E-stop, ordered or by a button of the device, holds until it is re-armed.
+class OrderBox {
+ public:
+  /// @param configured Gains while none are ordered.
+  explicit OrderBox(const Gains& configured) noexcept : configured_(configured) { set_gains(configured); }
+
+  /// The newest orders. Housekeeping thread.
+  void set(const rtbus::Orders& orders) noexcept {
+    set_gains({orders.stiffness_n_per_m > 0.0 ? orders.stiffness_n_per_m : configured_.stiffness_n_per_m,
+               orders.damping_n_s_per_m >= 0.0 ? orders.damping_n_s_per_m : configured_.damping_n_s_per_m});
+    estop_.store(orders.estop != 0, std::memory_order_relaxed);
+    rearms_.store(orders.rearms, std::memory_order_release);  // after estop_: who sees the one sees the other
+  }
+
+  /// An E-stop holds. @param pressed The device's E-stop button is down. Loop, every cycle. @realtime Yes.
+  [[nodiscard]] bool estopped(bool pressed) noexcept RTBUS_NONBLOCKING {
+    const std::uint64_t rearms = rearms_.load(std::memory_order_acquire);
+    if (rearms != rearms_seen_) {
+      rearms_seen_ = rearms;
+      by_button_ = false;
+    }
+    by_button_ = by_button_ || pressed;
+    return by_button_ || estop_.load(std::memory_order_relaxed);
+  }
+
+  /// The gains that are wanted now, as ordered: not yet limited. @realtime Yes.
+  [[nodiscard]] Gains wanted() const noexcept RTBUS_NONBLOCKING {
+    return {stiffness_n_per_m_.load(std::memory_order_relaxed), damping_n_s_per_m_.load(std::memory_order_relaxed)};
+  }
+
+ private:
+  void set_gains(const Gains& gains) noexcept {
+    stiffness_n_per_m_.store(gains.stiffness_n_per_m, std::memory_order_relaxed);
+    damping_n_s_per_m_.store(gains.damping_n_s_per_m, std::memory_order_relaxed);
+  }
+
+  const Gains configured_;
+  std::atomic<bool> estop_{false};
+  std::atomic<std::uint64_t> rearms_{0};
+  std::atomic<double> stiffness_n_per_m_{0.0}, damping_n_s_per_m_{0.0};
+  // Loop's thread.
+  std::uint64_t rearms_seen_ = 0;
+  bool by_button_ = false;
+};
+
+}  // namespace haptic

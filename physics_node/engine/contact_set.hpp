@@ -1,0 +1,122 @@
+#pragma once
+/// @file contact_set.hpp
+/// Contacts of a proxy, present and near, and the bodies behind them: enough to simulate both for a while without the
+/// engine. Frame W, SI units. All values belong to the end of the last step; forces are those of its last part (Stepper
+/// divides a step into parts).
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace physics {
+
+/// One place where the proxy touches a body or may soon touch it. The proxy is a sphere, so a convex body has one.
+struct Contact {
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();  ///< On the body's surface.
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();  ///< Unit, from the body to the proxy.
+  double gap_m = 0.0;  ///< From surface to surface along the normal; negative: penetrates.
+  Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of the body, at the point.
+  double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
+  double curvature_per_m = 0.0;                                    ///< Of the surface of a ball; 0: treated as a plane.
+  double compliance_m_per_n = 0.0;                                 ///< Of the surface, along the normal; 0: rigid.
+  /// Inverse effective mass of the body for a force at the point: acceleration of the point = this · force. Symmetric.
+  /// Zero for a body that no force moves. Rigid: 1/m·1 − [r]×·I⁻¹·[r]×, r from the centre of mass to the point.
+  Eigen::Matrix3d inverse_mass_per_kg = Eigen::Matrix3d::Zero();
+  std::uint32_t row = 0;  ///< Of the body in ContactSet::bodies.
+};
+
+/// Of a soft body it is the nearest patch: `body` counts on after the rigid bodies, `centre_m` is the patch's point,
+/// the mass is the patch's, velocities are zero. A contact's compliance is its displacement per force after 0.1 s.
+enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2, kSoft = 3 };
+
+/// A body behind at least one contact.
+struct BodyBehind {
+  std::uint32_t body = 0;  ///< In the scene's order (World::body_pose).
+  BodyKind kind = BodyKind::kStatic;
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();  ///< Centre of mass.
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
+  double inverse_mass_per_kg = 0.0;                                     ///< 0: no force moves it.
+  Eigen::Matrix3d inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Zero();  ///< In W, about the centre of mass.
+  /// Gravity and the normal forces of all its other contacts, those with other proxies included; 0 while it sleeps.
+  Eigen::Vector3d external_force_n = Eigen::Vector3d::Zero();
+  Eigen::Vector3d external_torque_n_m = Eigen::Vector3d::Zero();  ///< Of the same, about the centre of mass.
+  /// Friction of its other contacts, separate because it changes with the push: a simulation of the body computes it
+  /// again, up to the bound. 0 while it sleeps.
+  Eigen::Vector3d friction_force_n = Eigen::Vector3d::Zero();
+  Eigen::Vector3d friction_torque_n_m = Eigen::Vector3d::Zero();
+  /// Friction bound of its other contacts, Σ μ·N. An estimate: N is of the last step and changes with the push. A body
+  /// that has slept since the start has no known contacts; its bound is then μ²·m·g with its own μ.
+  double friction_bound_n = 0.0;
+  Eigen::Vector3d proxy_force_n = Eigen::Vector3d::Zero();  ///< By this proxy, on the body.
+};
+
+/// What supports a body behind a contact: another body that pushes on it, its contact points taken together. A support
+/// is a contact with gap 0.
+struct Support {
+  std::uint32_t row = 0;                                           ///< Of the supported body, in ContactSet::bodies.
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();               ///< Mean of the points, weighted by their forces.
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();               ///< Unit, towards the supported body.
+  double normal_force_n = 0.0;                                     ///< > 0.
+  double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
+  Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what holds, at the point.
+  double inverse_mass_per_kg = 0.0;                                ///< Of what holds; 0: no force moves it.
+  /// Contact points that carry: 1 is a point, 2 an edge, more are a patch. Face on face is a patch with however many.
+  std::uint32_t points = 0;
+};
+
+/// Upper limits, which bound the message and the work of the solver.
+inline constexpr std::size_t kMaxContacts = 16;
+inline constexpr std::size_t kMaxSupports = 32;
+
+/// What is near the proxy: the contact constraints and the bodies behind them.
+struct ContactSet {
+  double radius_m = 0.0;        ///< All contacts within this distance are listed, or counted as overflow.
+  double proxy_radius_m = 0.0;  ///< As the engine sees it.
+  double proxy_mass_kg = 0.0;
+  std::vector<Contact> contacts;   ///< By gap, the nearest first; those of soft bodies after all others.
+  std::vector<BodyBehind> bodies;  ///< One row for each body, in the order of its nearest contact; soft ones last.
+  std::vector<Support> supports;
+  std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that did not fit: the farthest.
+  std::uint32_t supports_overflow = 0;
+};
+
+/// Inverse effective mass of a rigid body at `r_m` from its centre of mass (Contact::inverse_mass_per_kg).
+[[nodiscard]] inline Eigen::Matrix3d inverse_mass_at(double inverse_mass_per_kg, const Eigen::Matrix3d& inverse_inertia,
+                                                     const Eigen::Vector3d& r_m) {
+  Eigen::Matrix3d cross;
+  cross << 0, -r_m.z(), r_m.y(), r_m.z(), 0, -r_m.x(), -r_m.y(), r_m.x(), 0;
+  return inverse_mass_per_kg * Eigen::Matrix3d::Identity() - cross * inverse_inertia * cross;
+}
+
+/// A contact that was found, before its body has a row: `row` is the body's number in the scene.
+using FoundContacts = std::vector<Contact>;
+
+/// Sorts what was found by gap (the scene's order where gaps are equal), keeps the nearest kMaxContacts, gives each
+/// body a row with `body` set and lets the contacts point there. Clears the rest of `out`.
+inline void keep_nearest(FoundContacts& found, ContactSet& out) {
+  std::stable_sort(found.begin(), found.end(), [](const Contact& a, const Contact& b) {
+    return a.gap_m != b.gap_m ? a.gap_m < b.gap_m : a.row < b.row;
+  });
+  out.contacts.clear();
+  out.bodies.clear();
+  out.supports.clear();
+  out.supports_overflow = 0;
+  const std::size_t kept = std::min(found.size(), kMaxContacts);
+  out.contacts_overflow = static_cast<std::uint32_t>(found.size() - kept);
+  for (std::size_t i = 0; i < kept; ++i) {
+    Contact contact = found[i];
+    std::uint32_t row = 0;
+    while (row < out.bodies.size() && out.bodies[row].body != contact.row) ++row;
+    if (row == out.bodies.size()) {
+      out.bodies.emplace_back();
+      out.bodies.back().body = contact.row;
+    }
+    contact.row = row;
+    out.contacts.push_back(contact);
+  }
+}
+
+}  // namespace physics

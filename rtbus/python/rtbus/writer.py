@@ -1,0 +1,121 @@
+"""Publishing topics."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from . import _library as _c
+from .types import SampleType, known_type, to_c
+
+
+class Writer:
+    """The writing end of a topic; made by :func:`publisher`. One thread at a time. Ends the topic when it is closed."""
+
+    def __init__(self, session: str, name: str, type: SampleType, capacity: int, doorbell: bool, mode: int):
+        self.session, self.name, self.type = session, name, type
+        self._handle = None
+        given, fields = to_c(type.name, type.dtype, type.units)
+        options = _c.WriterOptions(ctypes.sizeof(_c.WriterOptions), capacity, int(doorbell), mode)
+        handle = ctypes.c_void_p()
+        _c.check(
+            _c.lib.rtbus_writer_create(
+                session.encode(), name.encode(), ctypes.byref(given), ctypes.byref(options), ctypes.byref(handle)
+            )
+        )
+        del fields
+        self._handle = handle
+        self.sample: np.ndarray = type.zeros()
+        """A sample to fill and publish: ``writer.sample["position_m"][:] = p; writer.publish()``."""
+        self._sample_at = self.sample.ctypes.data
+
+    dtype = property(lambda self: self.type.dtype, doc="numpy dtype of a sample.")
+    units = property(lambda self: self.type.units, doc="Units of the fields, by their names.")
+
+    def publish(self, sample: np.ndarray | np.void | None = None, stamp_ns: int = 0, **fields) -> None:
+        """Publishes ``sample``, or this writer's own one after setting ``fields`` in it.
+
+        ``stamp_ns``: time that it belongs to; 0: now. Raises UnfitValue with the field's name when a number is not
+        finite, TypeError for an array of another dtype.
+        """
+        if self._handle is None:
+            raise _c.Ended(f"the topic {self.name} has been closed")
+        at = self._sample_at
+        if sample is not None:
+            if fields:
+                raise TypeError("give either a sample or fields")
+            sample = self._fitting(sample)
+            at = sample.ctypes.data
+        for name, value in fields.items():
+            self._set(name, value)
+        _c.check(_c.lib.rtbus_publish(self._handle, at, self.dtype.itemsize, stamp_ns))
+
+    @property
+    def observed(self) -> bool:
+        """Somebody reads who asked to be noticed (``presence``)."""
+        return bool(_c.check(_c.lib.rtbus_observed(self._handle)))
+
+    def close(self) -> None:
+        """Ends the topic; may be called again."""
+        if self._handle is not None:
+            _c.lib.rtbus_writer_close(self._handle)
+            self._handle = None
+
+    def _set(self, name: str, value) -> None:
+        if name not in self.dtype.names:
+            raise TypeError(f"{self.type.name} has no field '{name}'; it has {', '.join(self.dtype.names)}")
+        try:
+            self.sample[name] = value
+        except (TypeError, ValueError) as error:
+            shape = self.sample[name].shape
+            raise type(error)(f"field '{name}' of {self.type.name} takes {shape or 'a number'}: {error}") from None
+
+    def _fitting(self, sample) -> np.ndarray:
+        dtype = getattr(sample, "dtype", None)
+        if dtype != self.dtype or np.size(sample) != 1:
+            differing = ""
+            if dtype is not None and dtype.names is not None:
+                wrong = [n for n in self.dtype.names if n not in dtype.names or dtype[n] != self.dtype[n]]
+                differing = f"; field '{wrong[0]}' differs" if wrong else ""
+            raise TypeError(
+                f"topic {self.name} takes one sample of {self.type.name} (writer.dtype), not "
+                f"{'an array of ' + str(dtype) if dtype is not None else type(sample).__name__}{differing}"
+            )
+        return np.ascontiguousarray(sample)
+
+    def __enter__(self) -> Writer:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None) is not None:
+            self.close()
+
+
+def publisher(
+    topic: str,
+    type: str | SampleType | np.dtype | list,
+    session: str = "default",
+    *,
+    units: dict[str, str] | None = None,
+    type_name: str = "",
+    capacity: int = 64,
+    doorbell: bool = False,
+    mode: int = 0o600,
+) -> Writer:
+    """Creates a topic, or takes over that of a dead writer.
+
+    ``type``: the name of a known type (``known_types()``), a SampleType, or a structured dtype; ``units`` and
+    ``type_name`` (default: the topic's name) belong to the last. ``capacity``: samples that the ring holds, a power of
+    two. ``doorbell``: readers that wait are woken at once.
+    """
+    if isinstance(type, str):
+        made = known_type(type)
+    elif isinstance(type, SampleType):
+        made = type
+    else:
+        made = SampleType(type_name or "user/" + topic, np.dtype(type), dict(units or {}))
+    return Writer(session, topic, made, capacity, doorbell, mode)

@@ -1,0 +1,134 @@
+// Orders to a running session: E-stop and gains, from the command to the force on the hand.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "rtbus/order_messages.hpp"
+#include "tests/support/nodes.hpp"
+
+namespace {
+
+using namespace tests;
+using testing::HasSubstr;
+
+/// `rtbus run` of the wall with a hand that presses and stays.
+class Ordered : public Nodes {
+ protected:
+  void SetUp() override {
+    Nodes::SetUp();
+    folder_ = testing::TempDir() + bus_.name;
+    std::filesystem::create_directory(folder_);
+    std::ofstream(folder_ + "/device.yaml")
+        << "schema: device/1\ndriver: simulated\nmodel: phantom_desktop\nmechanics: {coulomb_n: 0}\n"
+        << "hand: {type: push, impedance: normal, start_m: [0, 0.020, 0], direction: [0, -1, 0], distance_m: 0.025, "
+        << "speed_m_s: 0.05, start_s: 0.2}\n";
+  }
+  void TearDown() override {
+    if (run_) run_->end(SIGINT);  // killed, it would leave its nodes to end by themselves
+    Nodes::TearDown();
+    std::filesystem::remove_all(folder_);
+  }
+  void start(std::vector<std::string> more = {}) {
+    std::vector<std::string> words{
+        binary("rtbus"),        "run",   std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml", "--set",
+        "session=" + bus_.name, "--set", "haptic.0.device=" + folder_ + "/device.yaml"};
+    words.insert(words.end(), more.begin(), more.end());
+    run_.emplace(words, folder_ + "/run.txt");
+    ticks_ = reader<Telemetry>("haptic0.telemetry");
+    ASSERT_TRUE(ticks_);
+    ASSERT_TRUE(follow(*ticks_, 10.0, [](const auto& tick) { return norm(tick.value.force_n) > 0.5; }));
+  }
+  int rtbus(std::vector<std::string> words) {
+    words.insert(words.begin(), binary("rtbus"));
+    words.insert(words.end(), {"-s", bus_.name});
+    const int status = Child(words, folder_ + "/said.txt").wait();
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  [[nodiscard]] std::string said() const {
+    std::ifstream in(folder_ + "/said.txt");
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  /// Largest force of the ticks that come within `duration_s` [N].
+  double peak_n(double duration_s) {
+    double peak = 0.0;
+    Stamped<Telemetry> tick;
+    while (ticks_->read_next(tick) == ReadStatus::kFresh) {
+    }
+    (void)follow(*ticks_, duration_s, [&](const auto& each) {
+      peak = std::max(peak, norm(each.value.force_n));
+      return false;
+    });
+    return peak;
+  }
+
+  std::string folder_;
+  std::optional<Child> run_;
+  std::optional<Reader<Telemetry>> ticks_;
+};
+
+TEST_F(Ordered, EstopIsZeroWithin100MsHeldOverARestartAndEndsWhenRearmed) {
+  start();
+  const std::uint64_t ordered_ns = rtbus::monotonic_ns();
+  ASSERT_EQ(rtbus({"estop", "--reason", "test"}), 0) << said();
+  std::uint64_t zero_ns = 0;
+  ASSERT_TRUE(follow(*ticks_, 2.0, [&](const auto& tick) {
+    zero_ns = tick.stamp_ns;
+    return tick.stamp_ns > ordered_ns && norm(tick.value.force_n) == 0.0;
+  }));
+  // The promise is 100 ms from the order; starting the command comes on top here.
+  std::printf("zero %.1f ms after the command was started\n", static_cast<double>(zero_ns - ordered_ns) * 1e-6);
+  EXPECT_LE(zero_ns - ordered_ns, 250 * rtbus::kNsPerMs);
+  EXPECT_EQ(peak_n(0.5), 0.0);
+  // A node that is started again obeys what was ordered before.
+  auto beats = reader<rtbus::Heartbeat>("haptic0.heartbeat");
+  Stamped<rtbus::Heartbeat> beat;
+  ASSERT_TRUE(beats && beats->read_latest(beat) == ReadStatus::kFresh);
+  ASSERT_EQ(::kill(static_cast<pid_t>(beat.value.pid), SIGKILL), 0);
+  ASSERT_TRUE(eventually(5.0, [&] { return !ticks_->writer_alive(); }));
+  ASSERT_TRUE(eventually(5.0, [&] { return ticks_->writer_alive(); }));
+  EXPECT_EQ(peak_n(1.0), 0.0);
+  ASSERT_EQ(rtbus({"estop", "--rearm"}), 0) << said();
+  EXPECT_TRUE(follow(*ticks_, 3.0, [](const auto& tick) { return norm(tick.value.force_n) > 0.5; }));
+}
+
+TEST_F(Ordered, GainsChangeOnlyWhereTheSessionAllowsAndWithoutAStep) {
+  start({"--set", "haptic.0.adjustable=[coupling.stiffness_n_per_m]"});
+  EXPECT_EQ(rtbus({"adjust", "haptic0.coupling.damping_n_s_per_m=1"}), 1);
+  EXPECT_THAT(said(), HasSubstr("adjustable are: haptic0.coupling.stiffness_n_per_m"));
+  EXPECT_EQ(rtbus({"adjust", "haptic0.coupling.stiffness_n_per_m=1e6"}), 1);
+  EXPECT_THAT(said(), HasSubstr("what the device bears"));
+  EXPECT_EQ(rtbus({"adjust", "haptic0.coupling.stiffness_n_per_m=stiff"}), 2);
+  const double before_n = peak_n(0.3);
+  ASSERT_EQ(rtbus({"adjust", "haptic0.coupling.stiffness_n_per_m=400"}), 0) << said();
+  double last_n = 0.0, largest_step_n = 0.0;
+  (void)follow(*ticks_, 1.5, [&](const auto& tick) {
+    const double now_n = norm(tick.value.force_n);
+    if (last_n > 0.0) largest_step_n = std::max(largest_step_n, std::abs(now_n - last_n));
+    last_n = now_n;
+    return false;
+  });
+  EXPECT_GT(last_n, 1.05 * before_n);
+  EXPECT_LT(largest_step_n, 0.05) << "N per tick";
+  EXPECT_EQ(rtbus({"adjust"}), 0);
+  EXPECT_THAT(said(), HasSubstr("haptic0.coupling.stiffness_n_per_m = 400 N/m"));
+}
+
+TEST_F(Ordered, EstopReachesTheHandAlsoWhenTheSupervisorIsStopped) {
+  start({"--no-restart"});
+  run_->signal(SIGSTOP);
+  ASSERT_EQ(rtbus({"estop"}), 0) << said();
+  EXPECT_THAT(said(), HasSubstr("ended 1 haptic node"));
+  EXPECT_TRUE(eventually(2.0, [&] { return !ticks_->writer_alive(); }));
+  run_->signal(SIGCONT);
+  run_->wait();
+}
+
+TEST_F(Ordered, WithoutASessionSaysSo) {
+  EXPECT_NE(rtbus({"estop"}), 0);
+  EXPECT_THAT(said(), HasSubstr("rtbus estop: "));
+}
+
+}  // namespace

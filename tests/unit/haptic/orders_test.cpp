@@ -1,0 +1,90 @@
+// Orders of the user in the loop: E-stop and gains.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "haptic_node/gains.hpp"
+#include "haptic_node/order_box.hpp"
+
+namespace haptic {
+namespace {
+
+rtbus::Orders orders(bool estop, std::uint64_t rearms) {
+  rtbus::Orders out;
+  out.estop = estop ? 1 : 0;
+  out.rearms = rearms;
+  return out;
+}
+
+TEST(OrderBox, HoldsAnEstopUntilItIsRearmed) {
+  OrderBox box({300.0, 1.0});
+  EXPECT_FALSE(box.estopped(false));
+  box.set(orders(true, 0));
+  EXPECT_TRUE(box.estopped(false));
+  EXPECT_TRUE(box.estopped(false));
+  box.set(orders(false, 1));
+  EXPECT_FALSE(box.estopped(false));
+}
+
+TEST(OrderBox, HoldsAPressOfTheButtonUntilItIsRearmed) {
+  OrderBox box({300.0, 1.0});
+  EXPECT_TRUE(box.estopped(true));
+  EXPECT_TRUE(box.estopped(false)) << "released";
+  box.set(orders(false, 0));
+  EXPECT_TRUE(box.estopped(false)) << "orders that say nothing new";
+  box.set(orders(false, 1));
+  EXPECT_TRUE(box.estopped(true)) << "re-armed while the button is down";
+  EXPECT_TRUE(box.estopped(false));
+  box.set(orders(false, 2));
+  EXPECT_FALSE(box.estopped(false));
+}
+
+TEST(OrderBox, WantsTheConfiguredGainsUntilOthersAreOrdered) {
+  OrderBox box({300.0, 1.0});
+  EXPECT_EQ(box.wanted(), (Gains{300.0, 1.0}));
+  rtbus::Orders ordered;
+  box.set(ordered);
+  EXPECT_EQ(box.wanted(), (Gains{300.0, 1.0}));
+  ordered.stiffness_n_per_m = 500.0;
+  box.set(ordered);
+  EXPECT_EQ(box.wanted(), (Gains{500.0, 1.0}));
+  ordered.damping_n_s_per_m = 0.0;
+  box.set(ordered);
+  EXPECT_EQ(box.wanted(), (Gains{500.0, 0.0}));
+}
+
+constexpr GainLimits kFastLink{1000.0, 4.0, 0.1, std::numeric_limits<double>::infinity()};
+
+TEST(Gains, NeverExceedWhatTheDeviceBears) {
+  EXPECT_EQ(kFastLink.bearable({500.0, 1.0}), (Gains{500.0, 1.0}));
+  EXPECT_EQ(kFastLink.bearable({1e9, 1e9}), (Gains{1000.0, 4.0}));
+}
+
+TEST(Gains, KeepAFifthOfCriticalDampingOnASlowLink) {
+  const GainLimits slow{1000.0, 40.0, 0.1, 12.0};  // below 1.5 times the tip's own 11 Hz
+  const Gains out = slow.bearable({500.0, 0.0});
+  EXPECT_NEAR(out.damping_n_s_per_m, 0.4 * std::sqrt(500.0 * 0.1), 1e-12);
+  EXPECT_EQ(slow.bearable({500.0, 20.0}).damping_n_s_per_m, 20.0) << "more is not taken away";
+}
+
+TEST(GainRamp, NeedsASecondFromNothingToTheLimit) {
+  GainRamp ramp({0.0, 0.0}, kFastLink);
+  int cycles = 0;
+  double last_n_per_m = 0.0;
+  while (ramp.follow({1000.0, 4.0}, 1e-3)) {
+    EXPECT_LE(ramp.now().stiffness_n_per_m - last_n_per_m, 1.0 + 1e-9) << "N/m in one cycle of a thousand";
+    last_n_per_m = ramp.now().stiffness_n_per_m;
+    ASSERT_LT(++cycles, 2000);
+  }
+  EXPECT_NEAR(cycles, 1000, 2);
+  EXPECT_EQ(ramp.now(), (Gains{1000.0, 4.0}));
+}
+
+TEST(GainRamp, StaysWhereNothingIsOrdered) {
+  GainRamp ramp({300.0, 1.0}, kFastLink);
+  EXPECT_FALSE(ramp.follow({300.0, 1.0}, 1e-3));
+}
+
+}  // namespace
+}  // namespace haptic

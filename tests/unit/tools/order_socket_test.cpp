@@ -1,0 +1,136 @@
+// The socket of the orders: who may send what, and what comes back.
+#include "tools/cli/orders/order_socket.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "rtbus/clock.hpp"
+
+namespace tools {
+namespace {
+
+using Json = nlohmann::json;
+using testing::HasSubstr;
+
+/// A served socket that gives each order back as {"ok": true, "got": order}.
+class Served {
+ public:
+  explicit Served(const std::string& session) {
+    auto opened = OrderSocket::open(session, [](const Json& order) { return Json{{"ok", true}, {"got", order}}; });
+    EXPECT_TRUE(opened) << opened.error();
+    socket_ = std::move(*opened);
+    thread_ = std::thread([this] {
+      while (!done_.load()) (void)socket_->serve(5 * rtbus::kNsPerMs);
+    });
+  }
+  ~Served() {
+    done_ = true;
+    thread_.join();
+  }
+  [[nodiscard]] const std::string& path() const { return socket_->path(); }
+
+ private:
+  std::unique_ptr<OrderSocket> socket_;
+  std::atomic<bool> done_{false};
+  std::thread thread_;
+};
+
+std::string name_of_this_test() {
+  return "orders" + std::to_string(::getpid()) + "_" +
+         std::to_string(testing::UnitTest::GetInstance()->current_test_info()->line());
+}
+
+int connect_raw(const std::string& path) {
+  const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
+  EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  return fd;
+}
+
+std::string say(int fd, const std::string& text) {
+  EXPECT_EQ(::send(fd, text.data(), text.size(), 0), static_cast<ssize_t>(text.size()));
+  std::string reply(8192, '\0');
+  const ssize_t got = ::recv(fd, reply.data(), reply.size(), 0);
+  reply.resize(got < 0 ? 0 : static_cast<std::size_t>(got));
+  return reply;
+}
+
+TEST(OrderSocket, AnswersAnOrder) {
+  const Served served(name_of_this_test());
+  const auto reply = send_order(name_of_this_test(), {{"order", "estop"}});
+  ASSERT_TRUE(reply) << reply.error();
+  EXPECT_EQ((*reply)["got"]["order"], "estop");
+}
+
+TEST(OrderSocket, IsForItsUserAloneAndGoneAfterwards) {
+  std::string path;
+  {
+    const Served served(name_of_this_test());
+    path = served.path();
+    struct stat info {};
+    ASSERT_EQ(::stat(path.c_str(), &info), 0);
+    EXPECT_EQ(info.st_mode & 0777, 0600u);
+  }
+  EXPECT_NE(::access(path.c_str(), F_OK), 0);
+  EXPECT_THAT(send_order(name_of_this_test(), {{"order", "state"}}).error(), HasSubstr("takes no orders"));
+}
+
+TEST(OrderSocket, RefusesWhatIsNoOrderAndGoesOn) {
+  const Served served(name_of_this_test());
+  const int client = connect_raw(served.path());
+  for (const std::string& wrong : {std::string("not json"), std::string("[1]"), std::string("{\"order\": "),
+                                   std::string("\0\xff\x80", 3), std::string("{}").insert(1, 5000, ' ')}) {
+    const Json reply = Json::parse(say(client, wrong), nullptr, false);
+    ASSERT_TRUE(reply.is_object()) << wrong.substr(0, 40);
+    EXPECT_FALSE(reply["ok"]) << wrong.substr(0, 40);
+  }
+  EXPECT_THAT(say(client, "{\"order\": \"state\"}"), HasSubstr("\"ok\":true"));
+  ::close(client);
+}
+
+TEST(OrderSocket, OneWhoNeverReadsHoldsNobody) {
+  const Served served(name_of_this_test());
+  const int mute = connect_raw(served.path());
+  const std::string order = Json{{"order", std::string(4000, 'x')}}.dump();
+  for (int i = 0; i < 2000; ++i) {
+    if (::send(mute, order.data(), order.size(), MSG_DONTWAIT | MSG_NOSIGNAL) < 0 && errno != EAGAIN) break;
+  }
+  EXPECT_TRUE(send_order(name_of_this_test(), {{"order", "state"}}));
+  ::close(mute);
+}
+
+TEST(OrderSocket, TakesTheNameOfADeadOne) {
+  const std::string session = name_of_this_test();
+  std::string path;
+  {
+    const Served served(session);
+    path = served.path();
+  }
+  const int dead = ::socket(AF_UNIX, SOCK_SEQPACKET, 0);  // bound, never listening: what a killed process leaves
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
+  ASSERT_EQ(::bind(dead, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ::close(dead);
+  EXPECT_THAT(remove_dead_order_sockets(session, true), testing::ElementsAre(path));
+  {
+    const Served served(session);
+    EXPECT_TRUE(send_order(session, {{"order", "state"}}));
+    EXPECT_THAT(remove_dead_order_sockets(session), testing::IsEmpty()) << "a live one stays";
+  }
+}
+
+}  // namespace
+}  // namespace tools

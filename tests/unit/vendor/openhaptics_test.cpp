@@ -1,0 +1,301 @@
+// Devices behind OpenHaptics on the stand-in for libHD: first what the library does to a naive caller, then what the
+// driver makes of each fault.
+#include <dlfcn.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <thread>
+
+#include "drivers/openhaptics/hd.hpp"
+#include "drivers/virtual_vendor/openhaptics/plug.hpp"
+#include "tests/unit/vendor/desk.hpp"
+
+namespace drivers::openhaptics {
+namespace {
+
+namespace stand_in = virtual_vendor::openhaptics;
+using ::testing::HasSubstr;
+using tests::Desk;
+using tests::problem_of;
+
+const std::string kLibrary = std::string(RTBUS_BINARY_DIR) + "/" + stand_in::kLibrary;
+
+Hd* hd = nullptr;
+Handle device = 0;
+
+/// What a naive callback does in each tick.
+enum class Naive { kNothing, kForceInEachFrame, kForceInOneFrame, kForceOutside, kTwoFrames, kInkwellAsInteger };
+std::atomic<Naive> naive{Naive::kNothing};
+std::atomic<int> ticks{0};
+std::atomic<double> x_mm{0.0};
+
+std::uint32_t callback(void*) {
+  const double force[3] = {1.0, 0.0, 0.0};
+  const Naive now = naive.load();
+  if (now == Naive::kForceOutside) hd->hdSetDoublev(kCurrentForce, force);
+  hd->hdBeginFrame(device);
+  double p[3] = {};
+  hd->hdGetDoublev(kPosition, p);
+  x_mm.store(p[0]);
+  int value = 0;
+  if (now == Naive::kInkwellAsInteger) hd->hdGetIntegerv(kInkwellSwitch, &value);
+  static int once = 0;
+  if (now != Naive::kForceInOneFrame) once = 0;
+  if (now == Naive::kForceInEachFrame || (now == Naive::kForceInOneFrame && once++ == 0)) {
+    hd->hdSetDoublev(kCurrentForce, force);
+  }
+  hd->hdEndFrame(device);
+  if (now == Naive::kTwoFrames) {
+    hd->hdBeginFrame(device);
+    hd->hdEndFrame(device);
+  }
+  ticks.fetch_add(1);
+  return kCallbackContinue;
+}
+
+class HdLibrary : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto loaded = load_hd(kLibrary);
+    ASSERT_TRUE(loaded) << loaded.error();
+    hd_ = *loaded;
+    hd = &hd_;
+    stand_in::Settings settings;
+    settings.unit.mechanics.mass_kg = 0.5;
+    settings.unit.mechanics.coulomb_n = 0.0;
+    settings.unit.mechanics.viscous_n_s_per_m = 0.0;
+    settings.unit.mechanics.gravity_m_s2.setZero();
+    settings.init_s = 0.0;
+    settings.ramp_s = 0.0;
+    settings.wrong_ticks = 5;
+    void* const library = dlopen(kLibrary.c_str(), RTLD_NOW | RTLD_NOLOAD);
+    const auto plug = reinterpret_cast<stand_in::PlugFunction>(dlsym(library, stand_in::kPlugSymbol));
+    ASSERT_TRUE(plug(settings, sizeof settings));
+    device = hd_.hdInitDevice(nullptr);
+    ASSERT_LE(device, kLastPlausibleHandle);
+    hd_.hdEnable(kForceOutput);
+    naive.store(Naive::kNothing);
+    scheduled_ = hd_.hdScheduleAsynchronous(&callback, nullptr, kDefaultPriority);
+    hd_.hdStartScheduler();
+    wait_ticks(20);
+    while (hd_.hdGetError().code != 0) {
+    }
+  }
+  void TearDown() override {
+    hd_.hdStopScheduler();
+    hd_.hdUnschedule(scheduled_);
+    hd_.hdDisableDevice(device);
+  }
+  static void wait_ticks(int count) {
+    const int from = ticks.load();
+    while (ticks.load() < from + count) rtbus::sleep_until(rtbus::monotonic_ns() + rtbus::kNsPerMs);
+  }
+  /// Speed after 40 ticks of doing so [mm per tick].
+  double speed_after(Naive what) {
+    naive.store(what);
+    wait_ticks(40);
+    naive.store(Naive::kNothing);
+    const double from_mm = x_mm.load();
+    const int from = ticks.load();
+    wait_ticks(20);
+    return (x_mm.load() - from_mm) / (ticks.load() - from);
+  }
+  bool has_error(std::uint32_t code) {
+    bool found = false;
+    for (ErrorInfo error = hd_.hdGetError(); error.code != 0; error = hd_.hdGetError())
+      found = found || error.code == code;
+    return found;
+  }
+
+  Hd hd_;
+  SchedulerHandle scheduled_ = 0;
+};
+
+TEST_F(HdLibrary, AFrameWithoutAForceSendsZero) {
+  const double once = speed_after(Naive::kForceInOneFrame);
+  const double each = speed_after(Naive::kForceInEachFrame) - once;
+  EXPECT_GT(each, 10.0 * std::max(once, 1e-4)) << "the naive way: set a force once, and believe that it stays";
+}
+
+TEST_F(HdLibrary, AForceOutsideAFrameIsAnErrorAndDoesNothing) {
+  EXPECT_LT(std::abs(speed_after(Naive::kForceOutside)), 1e-3);
+  EXPECT_TRUE(has_error(0x0402));
+}
+
+TEST_F(HdLibrary, ASecondFrameInATickIsAnError) {
+  (void)speed_after(Naive::kTwoFrames);
+  EXPECT_TRUE(has_error(0x0400));
+}
+
+TEST_F(HdLibrary, TheInkwellSwitchIsABoolean) {
+  (void)speed_after(Naive::kInkwellAsInteger);
+  EXPECT_TRUE(has_error(0x0103));
+}
+
+TEST_F(HdLibrary, SchedulerHandlesDoNotFitInto32Bits) {
+  EXPECT_NE(static_cast<std::uint32_t>(scheduled_), scheduled_);
+  hd_.hdUnschedule(static_cast<std::uint32_t>(scheduled_));
+  EXPECT_TRUE(has_error(0x0102)) << "cut to 32 bits it is unknown, and the callback stays";
+  wait_ticks(5);
+}
+
+TEST_F(HdLibrary, AThreadThatChoseNoDeviceHasNone) {
+  bool bad_handle = false;
+  std::thread([&] {
+    double p[3];
+    hd_.hdGetDoublev(kPosition, p);
+    bad_handle = has_error(0x0104);
+  }).join();
+  EXPECT_TRUE(bad_handle);
+}
+
+// --- The driver -----------------------------------------------------------------------------------------------------
+
+std::string touch(const std::string& unit, const std::string& keys = "") {
+  return "{schema: device/1, driver: openhaptics, model: touch" + (keys.empty() ? "" : ", " + keys) +
+         ", virtual: {ramp_s: 0.02, mechanics: {mass_kg: 0.5, coulomb_n: 0}" + (unit.empty() ? "" : ", " + unit) + "}}";
+}
+
+TEST(OpenHaptics, PushesInTheDirectionThatIsAskedAroundTheMiddleOfItsWorkspace) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    Desk desk(touch(""));
+    const auto started = desk.device->start(rtbus::monotonic_ns());
+    ASSERT_TRUE(started) << started.error().message;
+    ASSERT_TRUE(desk.ready());
+    for (const double p : desk.sample.position_m) EXPECT_NEAR(p, 0.0, 1e-4) << "the library's origin is elsewhere";
+    Vec3 force{};
+    force[axis] = 2.0;
+    EXPECT_TRUE(desk.until(2.0, force, [&] { return desk.sample.position_m[axis] > 0.005; }));
+    // From rest by a constant acceleration of 4 m/s²: v² = 2·a·x.
+    const double x_m = desk.sample.position_m[axis], v_m_s = desk.sample.velocity_m_s[axis];
+    EXPECT_NEAR(v_m_s, std::sqrt(2.0 * 4.0 * x_m), 0.3 * v_m_s);
+    for (std::size_t other = 0; other < 3; ++other) {
+      if (other != axis) {
+        EXPECT_NEAR(desk.sample.position_m[other], 0.0, 1e-4);
+      }
+    }
+  }
+}
+
+TEST(OpenHaptics, TheForceOfASampleLeavesInItsFrame) {
+  Desk desk(touch(""));
+  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_TRUE(desk.ready());
+  (void)desk.until(1.0, {}, [] { return false; });
+  const auto link = desk.device->link_stats();
+  ASSERT_TRUE(link);
+  EXPECT_GT(link->exchanges, 500u);
+  EXPECT_GT(link->sample_to_wire_p50_us, 0.0);
+  EXPECT_LT(link->sample_to_wire_p50_us, 400.0) << "the callback waits 300 us at most";
+}
+
+TEST(OpenHaptics, SaysWhyTheDeviceCannotBeInitialised) {
+  EXPECT_THAT(problem_of(touch("init: fails")), HasSubstr("DEVICE_FAULT"));
+  EXPECT_THAT(problem_of(touch("init: fails_silently")), HasSubstr("cannot be initialised"));
+  EXPECT_THAT(problem_of(touch("init: busy")), HasSubstr("COMM_CONFIG_ERROR"));
+  EXPECT_THAT(problem_of(touch("", "name: left_hand")), HasSubstr("the device \"left_hand\" cannot be initialised"));
+  EXPECT_THAT(problem_of(touch("model_type: PHANTOM Desktop")), HasSubstr("set model: desktop"));
+  EXPECT_THAT(problem_of("{schema: device/1, driver: openhaptics, model: touch}"),
+              HasSubstr("install OpenHaptics 3.4 and the device driver package TouchDriver"));
+}
+
+TEST(OpenHaptics, SaysWhichLibraryIsMissingOrWrong) {
+  const auto with = [](const std::string& library) {
+    return problem_of("{schema: device/1, driver: openhaptics, model: touch, library: " + library + "}");
+  };
+  EXPECT_THAT(with("/nowhere/libHD.so"), HasSubstr("none of /nowhere/libHD.so is there; correct `library:`"));
+  EXPECT_THAT(with(tests::ForeignLibrary().file), HasSubstr("it was made for another kind of computer"));
+  EXPECT_THAT(with(std::string(RTBUS_BINARY_DIR) + "/libstand_in_force_dimension.so"),
+              HasSubstr("has no function hdInitDevice; it is not libHD of OpenHaptics 3"));
+  const std::string needs_another = with(std::string(RTBUS_BINARY_DIR) + "/libstand_in_openhaptics_alone.so");
+  EXPECT_THAT(needs_another, HasSubstr("libPhantomIOLib42.so: cannot open shared object file"));
+  EXPECT_THAT(needs_another, HasSubstr("install the device driver package TouchDriver"));
+}
+
+TEST(OpenHaptics, AnInitialisationThatTakesSecondsEndsAsCancelled) {
+  Desk desk(touch("init_s: 0.5"));
+  std::thread cancel([&] {
+    rtbus::sleep_until(rtbus::monotonic_ns() + 200 * rtbus::kNsPerMs);
+    desk.device->cancel_start();
+  });
+  const auto started = desk.device->start(0);
+  cancel.join();
+  ASSERT_FALSE(started);
+  EXPECT_THAT(started.error().message, HasSubstr("stopped"));
+  EXPECT_TRUE(desk.device->start(0)) << "and may be started again";
+}
+
+TEST(OpenHaptics, OneDevicePerProcess) {
+  Desk first(touch(""));
+  ASSERT_TRUE(first.device->start(0));
+  EXPECT_THAT(problem_of(touch("serial: \"2\"")), HasSubstr("a haptic node of its own"));
+  EXPECT_TRUE(first.ready());
+}
+
+TEST(OpenHaptics, WaitsForTheInkwellWithoutForce) {
+  Desk desk(touch("calibration: needs_inkwell, docked_at_s: 0.5"));
+  ASSERT_TRUE(desk.device->start(0));
+  EXPECT_TRUE(desk.until(3.0, {}, [&] { return desk.said.find("into its inkwell") != std::string::npos; }));
+  EXPECT_FALSE(desk.answered);
+  EXPECT_TRUE(desk.ready()) << desk.said;
+  EXPECT_THAT(desk.said, HasSubstr("the device is calibrated"));
+}
+
+TEST(OpenHaptics, CalibratesWhatCalibratesItself) {
+  Desk desk(touch("calibration: needs_update"));
+  ASSERT_TRUE(desk.device->start(0));
+  EXPECT_TRUE(desk.ready());
+}
+
+TEST(OpenHaptics, CalibrationLostInMidRunMeansNoForce) {
+  Desk desk(touch("uncalibrate_at_s: 0.5"));
+  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_TRUE(desk.ready());
+  double farthest_m = 0.0;  // the stand-in's pose is wrong by 40 mm from then on
+  EXPECT_TRUE(desk.until(5.0, {}, [&] {
+    farthest_m = std::max(farthest_m, std::abs(desk.sample.position_m[0]));
+    return !desk.answered && desk.said.find("inkwell") != std::string::npos;
+  }));
+  EXPECT_LT(farthest_m, 0.001) << "the naive way: ask now and then, and believe the poses in between";
+}
+
+TEST(OpenHaptics, UnpluggedItIsLostAndSaysHowToGoOn) {
+  Desk desk(touch("faults: {unplug_at_s: 0.5}"));
+  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_TRUE(desk.ready());
+  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("COMM_ERROR") != std::string::npos; }));
+  EXPECT_THAT(desk.said, HasSubstr("replug it"));
+  EXPECT_EQ(desk.read, IoStatus::kLost);
+}
+
+TEST(OpenHaptics, AServoThreadThatStopsIsLostAndSaid) {
+  Desk desk(touch("stop_ticks_at_s: 0.5"));
+  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_TRUE(desk.ready());
+  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("has stopped") != std::string::npos; }));
+  EXPECT_EQ(desk.read, IoStatus::kLost);
+}
+
+TEST(OpenHaptics, WarmMotorsAreToldAndItGoesOn) {
+  Desk desk(touch("warm_at_s: 0.3"));
+  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_TRUE(desk.ready());
+  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("WARM_MOTORS") != std::string::npos; }));
+  EXPECT_TRUE(desk.ready());
+}
+
+TEST(OpenHaptics, AForceErrorMakesTheForceReturnByItsRamp) {
+  Desk desk(touch("too_fast_m_s: 0.05"));
+  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_TRUE(desk.ready());
+  bool refused = false;
+  EXPECT_TRUE(desk.until(3.0, {1.0, 0, 0}, [&] {
+    refused = refused || desk.wrote == IoStatus::kLost;
+    return refused && desk.said.find("EXCEEDED_MAX_VELOCITY") != std::string::npos;
+  }));
+}
+
+}  // namespace
+}  // namespace drivers::openhaptics

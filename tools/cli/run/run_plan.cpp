@@ -1,0 +1,152 @@
+#include "tools/cli/run/run_plan.hpp"
+#include "tools/cli/common/find_config.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
+#include <sstream>
+#include <utility>
+
+#include "haptic_node/rendering/registry.hpp"
+#include "physics_node/engine_registry.hpp"
+#include "rtbus/config/session.hpp"
+#include "rtbus/topic_directory.hpp"
+#include "tools/cli/host/ask_kernel.hpp"
+#include "tools/cli/host/core_plan.hpp"
+
+namespace tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A part of `physics.command`: a file beside the session file is meant with its whole path, whatever the folder that
+/// `rtbus run` was started in.
+std::string resolved(const std::string& part, const std::string& session_file) {
+  std::error_code failed;
+  const fs::path beside = fs::absolute(session_file, failed).parent_path() / part;
+  return fs::is_regular_file(beside, failed) ? beside.lexically_normal().string() : part;
+}
+
+/// A program as the shell finds it; as it is when there is none.
+std::string in_path(const std::string& program) {
+  const char* const folders = std::getenv("PATH");
+  if (program.find('/') != std::string::npos || folders == nullptr) return program;
+  std::istringstream list(folders);
+  for (std::string folder; std::getline(list, folder, ':');) {
+    const fs::path candidate = fs::path(folder) / program;
+    if (::access(candidate.c_str(), X_OK) == 0) return candidate.string();
+  }
+  return program;
+}
+
+/// The program that takes the place of physics_node; none: the user starts it by hand. It learns from its environment
+/// which session it serves (rtbus_engine.h).
+std::optional<ChildSpec> external_physics(const physics::NodeConfig& config, const physics::EngineEntry& engine,
+                                          const std::string& folder, const std::vector<std::string>& assignments) {
+  ChildSpec child;
+  child.name = "physics";
+  child.stage = Stage::kPhysics;
+  if (!engine.program.empty()) {
+    child.program = folder + "/" + std::string(engine.program);
+  } else if (config.physics.command.empty()) {
+    return std::nullopt;
+  } else {
+    const std::vector<std::string>& command = config.physics.command;
+    child.program = in_path(resolved(command.front(), config.file));
+    for (std::size_t i = 1; i < command.size(); ++i) child.arguments.push_back(resolved(command[i], config.file));
+  }
+  child.waits_for_reader = true;
+  std::error_code failed;
+  std::string set;
+  for (const std::string& text : assignments) set += (set.empty() ? "" : "\n") + text;
+  child.environment = {{"RTBUS_ENGINE_CONFIG", fs::absolute(config.file, failed).string()}, {"RTBUS_ENGINE_SET", set}};
+  return child;
+}
+
+}  // namespace
+
+RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& assignments) {
+  std::vector<rtbus::config::Override> overrides;
+  for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
+  rtbus::config::SessionConfig config = rtbus::config::load_session(file, overrides);
+
+  RunPlan plan;
+  plan.session = config.session;
+  plan.scene = config.scene.name;
+  plan.supervise = config.supervise;
+  plan.world = config.scene;
+  std::optional<physics::NodeConfig> physics;
+  if (config.physics) physics = physics::read_node_config(config);
+  for (std::size_t i = 0; i < config.haptic.size(); ++i) plan.haptic.push_back(haptic::read_haptic_config(config, i));
+
+  // A physics that no method asks is left out, though its keys have been checked.
+  const bool asked = std::any_of(plan.haptic.begin(), plan.haptic.end(), [](const haptic::HapticConfig& each) {
+    return haptic::find_method(each.method)->needs_physics;
+  });
+  if (asked) plan.physics = std::move(physics);
+  const auto add_warnings = [&plan](const std::string& node, const std::vector<std::string>& warnings) {
+    for (const std::string& warning : warnings) plan.warnings.push_back(node + ": " + warning);
+  };
+  if (plan.physics) add_warnings("physics", plan.physics->warnings);
+  for (const haptic::HapticConfig& each : plan.haptic) add_warnings(each.name, each.warnings);
+
+  const std::string folder = folder_of_this_program();
+  const auto child = [&](std::string name, Stage stage, const char* program, std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"--config", file});
+    for (const std::string& text : assignments) arguments.insert(arguments.end(), {"--set", text});
+    return ChildSpec{std::move(name), stage, folder + "/" + program, std::move(arguments)};
+  };
+  const physics::EngineEntry* const engine =
+      plan.physics ? physics::find_engine(plan.physics->physics.engine) : nullptr;
+  const bool external = engine != nullptr && (engine->name == physics::kExternalEngine || !engine->program.empty());
+  if (external) {
+    if (auto own = external_physics(*plan.physics, *engine, folder, assignments)) plan.nodes.push_back(std::move(*own));
+    plan.awaits_physics = plan.nodes.empty();
+  } else if (plan.physics) {
+    plan.nodes.push_back(child("physics", Stage::kPhysics, "physics_node", {}));
+  }
+  std::vector<int> requested;
+  for (const haptic::HapticConfig& haptic : plan.haptic) requested.push_back(haptic.realtime.core);
+  const std::vector<int> cores = plan_cores(cores_of_this_process(), requested);
+  for (std::size_t i = 0; i < plan.haptic.size(); ++i) {
+    haptic::HapticConfig& haptic = plan.haptic[i];
+    if (haptic.device->own_process()) {
+      plan.plants.push_back(child(haptic.name + " plant", Stage::kPlant, "simulated_plant", {"--node", haptic.name}));
+    }
+    plan.nodes.push_back(child(haptic.name, Stage::kHaptic, "haptic_node", {"--name", haptic.name}));
+    // A virtual device inside the node: its library comes before the C library.
+    if (const std::string library = haptic.device->preload(); !library.empty()) {
+      plan.nodes.back().preload = folder + "/" + library;
+    }
+    if (plan.haptic.size() > 1 && cores[i] != haptic.realtime.core) {
+      // One loop alone chooses for itself. Last, it wins over an `auto` among the assignments.
+      const std::string key = "haptic." + std::to_string(i) + ".realtime.core";
+      plan.nodes.back().arguments.insert(plan.nodes.back().arguments.end(),
+                                         {"--set", key + "=" + std::to_string(cores[i])});
+      haptic.realtime.core = cores[i];
+      // Physics keeps off these cores when it runs freely.
+      if (plan.physics && !external) {
+        plan.nodes.front().arguments.insert(plan.nodes.front().arguments.end(),
+                                            {"--set", key + "=" + std::to_string(cores[i])});
+      }
+    }
+  }
+  return plan;
+}
+
+std::string who_is_live(const RunPlan& plan) {
+  for (const rtbus::TopicInfo& topic : rtbus::list_topics(plan.session.name)) {
+    if (!topic.writer_alive) continue;
+    if (plan.awaits_physics && topic.topic.starts_with("physics.")) continue;  // it is there before us
+    const auto process = ask_process(static_cast<pid_t>(topic.writer_pid));
+    return (process ? process->name : "a process") + " (pid " + std::to_string(topic.writer_pid) + ") writes " +
+           topic.topic;
+  }
+  return "";
+}
+
+}  // namespace tools

@@ -1,0 +1,39 @@
+#pragma once
+/// @file run_plan.hpp
+/// What `rtbus run` is going to start, decided and checked before anything is: every node's own reader has seen the
+/// session file.
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "haptic_node/node_config.hpp"
+#include "physics_node/node_config.hpp"
+#include "rtbus/config/document.hpp"
+#include "rtbus/config/scene.hpp"
+#include "rtbus/config/session.hpp"
+#include "rtbus/segment.hpp"
+#include "tools/cli/run/supervisor.hpp"
+
+namespace tools {
+
+struct RunPlan {
+  rtbus::Session session;
+  std::string scene;           ///< Its name.
+  rtbus::config::Scene world;  ///< The scene itself, for pictures.
+  rtbus::config::SuperviseConfig supervise;
+  std::vector<haptic::HapticConfig> haptic;
+  std::optional<physics::NodeConfig> physics;
+  std::vector<std::string> warnings;  ///< What the nodes are going to warn of, each with the node's name.
+  std::vector<ChildSpec> plants;      ///< To be started first: a haptic node opens its device at once.
+  std::vector<ChildSpec> nodes;       ///< Physics, then the haptic nodes.
+  bool awaits_physics = false;        ///< `engine: external` without a command: the user starts it by hand.
+};
+
+/// Reads the session as each node will. @param assignments "key=value", as given with --set.
+/// Throws rtbus::config::Error: one sentence for the user.
+[[nodiscard]] RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& assignments);
+
+/// Who runs the session already: "haptic_node (pid 4711) writes haptic0.heartbeat"; empty when nobody does.
+[[nodiscard]] std::string who_is_live(const RunPlan& plan);
+
+}  // namespace tools

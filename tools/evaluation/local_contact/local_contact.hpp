@@ -1,0 +1,51 @@
+#pragma once
+/// @file local_contact.hpp
+/// `rtbus evaluate local-contact`: what the method `local_contact` promises, one figure and one row of checks for each
+/// claim, method beside method on the same axes. All under the simulated clock; each answer of physics comes one full
+/// period late.
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "rtbus/messages.hpp"
+#include "tools/cli/common/run_progress.hpp"
+#include "tools/evaluation/shared/experiment.hpp"
+#include "tools/evaluation/shared/panels.hpp"
+#include "tools/evaluation/work_precision/work_precision.hpp"
+
+namespace tools {
+
+struct LocalContactOptions {
+  std::string config_folder;             ///< Where wall.yaml and its sisters are.
+  std::vector<std::string> assignments;  ///< After the experiment's own, so that they win.
+  bool quick = false;                    ///< Fewer rates.
+};
+
+inline constexpr const char* kLocalContact = "local_contact";
+inline constexpr const char* kRemoteCoupling = "remote_virtual_coupling";
+
+/// Runs all claims, draws and checks them. Throws rtbus::config::Error.
+void evaluate_local_contact(const LocalContactOptions& options, Experiment& experiment);
+
+/// The claims, each with its table, its figure and its checks.
+/// a: a free block with friction, pushed. f: the same at every rate of loop and physics.
+void claim_block(const LocalContactOptions& options, Experiment& experiment, RunProgress& progress);
+void claim_rates(const LocalContactOptions& options, Experiment& experiment, RunProgress& progress);
+/// b: nothing in free air. c: no ripple along a surface. d: a stiff wall settles as with `direct`.
+void claim_free_air(const LocalContactOptions& options, Experiment& experiment);
+void claim_sliding(const LocalContactOptions& options, Experiment& experiment);
+void claim_wall(const LocalContactOptions& options, Experiment& experiment);
+/// e: piles and soft bodies, rough at equal mean force. g: Newton's third law.
+void claim_rough(const LocalContactOptions& options, Experiment& experiment, RunProgress& progress);
+void claim_third_law(const LocalContactOptions& options, Experiment& experiment);
+
+/// One run, every cycle of it. `--set` of the user comes last.
+[[nodiscard]] std::vector<rtbus::Telemetry> record_hand(const LocalContactOptions& options, const std::string& session,
+                                                        const std::vector<std::string>& assignments, double duration_s);
+
+[[nodiscard]] inline double norm(const rtbus::Vec3& v) { return std::hypot(v[0], v[1], v[2]); }
+
+/// A line of a figure: the name is the method's unless another is given.
+[[nodiscard]] PanelLine method_line(const std::string& method, const std::string& name = {});
+
+}  // namespace tools

@@ -1,0 +1,275 @@
+#include "tools/evaluation/soak/soak_session.hpp"
+
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/contact_messages.hpp"
+#include "rtbus/messages.hpp"
+#include "rtbus/subscription.hpp"
+#include "rtbus/topic_directory.hpp"
+#include "tools/cli/common/interrupt.hpp"
+#include "tools/cli/run/supervisor.hpp"
+#include "tools/harness/random.hpp"
+
+namespace tools {
+
+namespace {
+
+constexpr double kStart_s = 40.0, kLongestReturn_s = 30.0;
+constexpr double kPressed_n = 0.3;
+constexpr std::uint64_t kLook_ns = 10 * rtbus::kNsPerMs;
+
+double norm(const rtbus::Vec3& v) { return std::hypot(v[0], v[1], v[2]); }
+
+/// Attached as tools are.
+struct Observers {
+  explicit Observers(const rtbus::Session& session)
+      : ticks(session, "haptic0.telemetry", {.presence = true}),
+        poses(session, "physics.proxy_state.haptic0", {.presence = true}),
+        points(session, "physics.contact_points.haptic0", {.presence = true}) {}
+  void look() {
+    rtbus::Stamped<rtbus::Telemetry> tick;
+    while (ticks.read_next(tick) == rtbus::ReadStatus::kFresh) {
+    }
+    (void)poses.read_latest(pose);
+    ticks.maintain();
+    poses.maintain();
+    points.maintain();
+  }
+  rtbus::Subscription<rtbus::Telemetry> ticks;
+  rtbus::Subscription<rtbus::ProxyState> poses;
+  rtbus::Subscription<rtbus::ContactPoints> points;
+  rtbus::Stamped<rtbus::ProxyState> pose;
+};
+
+class Soak {
+ public:
+  explicit Soak(const SoakSetup& setup)
+      : setup_(setup), random_(setup.seed), supervisor_([](const std::string&, std::string_view) {}) {
+    session_.name = setup.name;
+    plant_.emplace(session_, "haptic0.plant_state");
+    stats_.emplace(session_, "haptic0.loop_stats");
+  }
+
+  SoakOutcome run() {
+    if (start()) {
+      const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(setup_.seconds * 1e9);
+      follow(1.0);
+      take_stock();
+      while (out_.problem.empty() && rtbus::monotonic_ns() < end_ns && !interrupted()) {
+        follow(random_.between(0.3, 2.0));
+        const auto event = static_cast<SoakEvent>(random_.below(kSoakEvents));
+        ++out_.events[to_string(event)];
+        happen(event);
+        await_return(event);
+        follow(0.6);  // what restarted has its memory and its threads
+        take_stock();
+      }
+    }
+    end();
+    return std::move(out_);
+  }
+
+ private:
+  void look() {
+    rtbus::Stamped<rtbus::PlantState> state;
+    while (plant_->read_next(state) == rtbus::ReadStatus::kFresh) {
+      force_n_ = norm(state.value.applied_force_n);
+      out_.peak_n = std::max(out_.peak_n, force_n_);
+      if (force_n_ > setup_.force_limit_n * (1.0 + 1e-6)) ++out_.above_limit;
+      felt_ns_ = state.stamp_ns;
+    }
+    rtbus::Stamped<rtbus::LoopStats> stats;
+    if (stats_->read_latest(stats) == rtbus::ReadStatus::kFresh) {
+      // Another life of the loop counts from zero: the one before is over.
+      if (stats.value.ticks_due < last_.ticks_due) bank();
+      last_ = stats.value;
+      out_.least_absorbed_j = std::min(out_.least_absorbed_j, last_.energy_absorbed_j);
+    }
+    if (observers_) observers_->look();
+    plant_->maintain();
+    stats_->maintain();
+  }
+  void bank() {
+    out_.ticks += last_.ticks;
+    out_.due += last_.ticks_due;
+    out_.overruns += last_.overruns;
+    last_ = {};
+  }
+
+  template <class Condition>
+  bool follow_until(double timeout_s, const Condition& condition) {
+    const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(timeout_s * 1e9);
+    while (rtbus::monotonic_ns() < end_ns) {
+      look();
+      if (condition()) return true;
+      if (auto ended = supervisor_.poll()) {
+        if (ended->name == kRun) take_end(*ended);
+        if (ended->name == kRun) return false;
+      }
+      rtbus::sleep_until(rtbus::monotonic_ns() + kLook_ns);
+    }
+    return false;
+  }
+  void follow(double seconds) {
+    (void)follow_until(seconds, [] { return false; });
+  }
+  void take_end(const ChildEnd& ended) {
+    out_.exit_status =
+        WIFEXITED(ended.wait_status) ? WEXITSTATUS(ended.wait_status) : 128 + WTERMSIG(ended.wait_status);
+    pid_ = 0;
+    if (ending_) return;
+    out_.problem = "rtbus run " + ended.how();
+    for (const std::string& line : ended.last_words) out_.problem += "\n  " + line;
+  }
+
+  bool start() {
+    ChildSpec spec{kRun,
+                   Stage::kPlant,
+                   setup_.program,
+                   {"run", setup_.session_file, "--set", "session=" + setup_.name, "--set", "supervise.restarts=1000",
+                    "--set", "supervise.longest_delay_s=0.5", "--no-plots", "--no-bare-loop"}};
+    for (const std::string& text : setup_.assignments) spec.arguments.insert(spec.arguments.end(), {"--set", text});
+    if (auto started = supervisor_.start(spec); !started) {
+      out_.problem = started.error();
+      return false;
+    }
+    pid_ = supervisor_.running()[0].pid;
+    const bool pressed = follow_until(kStart_s, [this] { return force_n_ > kPressed_n; });
+    if (!pressed && out_.problem.empty()) out_.problem = "the hand never pressed on the wall";
+    return pressed;
+  }
+
+  void signal_child(const char* program, int signal) const {
+    const auto uses = uses_below(pid_);
+    if (const auto found = uses.find(program); found != uses.end() && found->second.pid > 1) {
+      ::kill(found->second.pid, signal);
+    }
+  }
+  void stop_for_a_while(const char* program) {
+    signal_child(program, SIGSTOP);
+    follow(random_.between(0.05, 1.2));
+    signal_child(program, SIGCONT);
+  }
+  void run_tool(std::vector<std::string> arguments, bool kill_it) {
+    const std::string name = "tool " + std::to_string(++tools_);
+    if (!supervisor_.start({name, Stage::kRecorder, setup_.program, std::move(arguments)})) return;
+    pid_t tool = 0;
+    for (const ChildView& child : supervisor_.running()) tool = child.name == name ? child.pid : tool;
+    follow(kill_it ? random_.between(0.05, 0.8) : 0.5);
+    const auto running = supervisor_.running();
+    const bool lives =
+        std::any_of(running.begin(), running.end(), [&](const auto& child) { return child.name == name; });
+    if (lives && tool > 1) ::kill(tool, kill_it ? SIGKILL : SIGINT);
+    follow(0.1);
+  }
+
+  void happen(SoakEvent event) {
+    switch (event) {
+      case SoakEvent::kPhysicsKilled:
+        return signal_child("physics_node", SIGKILL);
+      case SoakEvent::kPhysicsStopped:
+        return stop_for_a_while("physics_node");
+      case SoakEvent::kHapticKilled:
+        return signal_child("haptic_node", SIGKILL);
+      case SoakEvent::kHapticStopped:
+        return stop_for_a_while("haptic_node");
+      case SoakEvent::kPlantKilled:
+        return signal_child("simulated_plant", SIGKILL);
+      case SoakEvent::kTopicsDeleted:
+        for (const rtbus::TopicInfo& topic : rtbus::list_topics(session_.name)) {
+          ::unlink(("/dev/shm/" + rtbus::segment_name(session_.name, topic.topic)).c_str());
+        }
+        return follow(0.5);
+      case SoakEvent::kObservers:
+        observers_ = std::make_unique<Observers>(session_);
+        follow(random_.between(0.1, 1.5));
+        observers_.reset();
+        return;
+      case SoakEvent::kObserverKilled:
+        return run_tool({"echo", "haptic0.telemetry", "--session", setup_.name}, true);
+      case SoakEvent::kEstop:
+        run_tool({"estop", "--session", setup_.name}, false);
+        if (!follow_until(5.0, [this] { return force_n_ == 0.0; })) out_.problem = "an E-stop did not end in zero";
+        return run_tool({"estop", "--rearm", "--session", setup_.name}, false);
+    }
+  }
+
+  void await_return(SoakEvent event) {
+    const std::uint64_t from_ns = rtbus::monotonic_ns();
+    // A loss is felt a tenth of a second later: a force that is still there is no return.
+    follow(0.15);
+    const bool back = follow_until(kLongestReturn_s,
+                                   [&] { return felt_ns_ > from_ns + 100 * rtbus::kNsPerMs && force_n_ > kPressed_n; });
+    if (!out_.problem.empty()) return;
+    if (!back) {
+      out_.problem = std::string("the force did not come back after ") + to_string(event);
+      return;
+    }
+    const double seconds = rtbus::seconds_between(from_ns, rtbus::monotonic_ns());
+    if (seconds <= out_.slowest_return_s) return;
+    out_.slowest_return_s = seconds;
+    out_.slowest_after = to_string(event);
+  }
+
+  void take_stock() {
+    if (pid_ <= 0) return;
+    watch_.look(pid_);
+    const int segments = segments_of(session_.name);
+    if (segments_ == 0) segments_ = segments;
+    out_.segments_more = std::max(out_.segments_more, segments - segments_);
+  }
+
+  void end() {
+    ending_ = true;
+    bank();
+    if (pid_ > 0) {
+      ::kill(pid_, SIGINT);
+      (void)follow_until(20.0, [] { return false; });
+      if (pid_ > 0 && out_.problem.empty()) out_.problem = "rtbus run did not end";
+    }
+    (void)supervisor_.end_all();
+    plant_.reset();
+    stats_.reset();
+    out_.left_over = segments_of(session_.name);
+    out_.growth = watch_.growth();
+  }
+
+  static constexpr const char* kRun = "rtbus run";
+
+  const SoakSetup& setup_;
+  rtbus::Session session_;
+  Random random_;
+  SoakOutcome out_;
+  double force_n_ = 0.0;
+  std::uint64_t felt_ns_ = 0;
+  rtbus::LoopStats last_{};
+  pid_t pid_ = 0;
+  bool ending_ = false;
+  int segments_ = 0, tools_ = 0;
+  ProcessWatch watch_;
+  std::optional<rtbus::Subscription<rtbus::PlantState>> plant_;
+  std::optional<rtbus::Subscription<rtbus::LoopStats>> stats_;
+  std::unique_ptr<Observers> observers_;
+  Supervisor supervisor_;
+};
+
+}  // namespace
+
+const char* to_string(SoakEvent event) noexcept {
+  static constexpr const char* kNames[kSoakEvents] = {"physics killed",      "physics stopped", "haptic node killed",
+                                                      "haptic node stopped", "plant killed",    "topics deleted",
+                                                      "observers",           "observer killed", "E-stop"};
+  return kNames[static_cast<std::size_t>(event)];
+}
+
+SoakOutcome run_soak_session(const SoakSetup& setup) { return Soak(setup).run(); }
+
+}  // namespace tools

@@ -1,0 +1,57 @@
+#pragma once
+/// @file soak_session.hpp
+/// A real session that lives through faults at random times, one after the other, each only when the hand feels the
+/// wall again.
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tools/evaluation/soak/process_watch.hpp"
+
+namespace tools {
+
+/// What may happen. The names are those of the table.
+enum class SoakEvent : std::uint8_t {
+  kPhysicsKilled,
+  kPhysicsStopped,
+  kHapticKilled,
+  kHapticStopped,
+  kPlantKilled,
+  kTopicsDeleted,
+  kObservers,
+  kObserverKilled,
+  kEstop,
+};
+inline constexpr int kSoakEvents = 9;
+[[nodiscard]] const char* to_string(SoakEvent event) noexcept;
+
+struct SoakSetup {
+  std::string program;  ///< The `rtbus` program.
+  std::string session_file;
+  std::vector<std::string> assignments;
+  std::string name;  ///< Of the session; must be free.
+  double seconds = 60.0;
+  std::uint64_t seed = 1;
+  double force_limit_n = 7.9;
+};
+
+struct SoakOutcome {
+  std::string problem;                      ///< Why it could not go on; empty: it ran to its end.
+  std::map<std::string, int> events;        ///< How often each happened.
+  std::map<std::string, UseGrowth> growth;  ///< Per program.
+  double slowest_return_s = 0.0;            ///< From the end of an event until the hand feels the wall again.
+  std::string slowest_after;                ///< Which event.
+  double peak_n = 0.0;
+  std::uint64_t above_limit = 0;                   ///< Samples.
+  std::uint64_t ticks = 0, due = 0, overruns = 0;  ///< Of all lives of the haptic loop, as last told by each.
+  double least_absorbed_j = 0.0;  ///< Least energy that the hand had put in so far; negative: it got some.
+  int segments_more = 0;          ///< At quiet moments, than at the first.
+  int left_over = 0;              ///< Segments after the end.
+  int exit_status = -1;
+};
+
+/// Runs it. A signal ends it early.
+[[nodiscard]] SoakOutcome run_soak_session(const SoakSetup& setup);
+
+}  // namespace tools

@@ -1,0 +1,237 @@
+#include "tools/evaluation/stability/stability_case.hpp"
+#include "tools/cli/common/formatted.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace tools {
+
+namespace {
+
+constexpr double kBoxEdgeM = 0.02;  // of a moving body, at scale 1
+constexpr double kRampS = 0.02;
+constexpr double kMarginM = 0.001;  // of a soft body
+constexpr double kGravityMS2 = 9.81;
+
+std::string hand_map(const StabilityCase& each) {
+  const char* const impedance = each.hand == StabilityHand::kSoft ? "light" : "firm";
+  const double start_s = each.start_s();
+  switch (each.task) {
+    case StabilityTask::kDrop:
+      return formatted("{type: drop, position_m: [0, %.9g, 0], release_s: %.9g}", each.height_m, start_s);
+    case StabilityTask::kDeep:
+      if (each.hand == StabilityHand::kNone) return "{type: none}";
+      return formatted("{type: hold, position_m: [0, %.9g, 0], impedance: %s}", -each.depth_m, impedance);
+    case StabilityTask::kFree:
+      return formatted(
+          "{type: push, start_m: [-0.02, 0.015, -0.01], direction: [1, 0.3, 0.5], distance_m: %.9g, "
+          "speed_m_s: %.9g, start_s: %.9g, ramp_s: %g, impedance: %s}",
+          each.height_m, each.speed_m_s, start_s, kRampS, impedance);
+    case StabilityTask::kBlock:
+      return formatted(
+          "{type: push, start_m: [0, 0, %.9g], direction: [0, 0, -1], distance_m: %.9g, speed_m_s: %.9g, "
+          "start_s: %.9g, ramp_s: %g, impedance: %s}",
+          each.height_m, each.height_m + each.depth_m, each.speed_m_s, start_s, kRampS, impedance);
+    case StabilityTask::kFall:
+      if (each.hand == StabilityHand::kNone) break;
+      return formatted("{type: hold, position_m: [0, %.9g, 0], impedance: %s}", each.height_m, impedance);
+    case StabilityTask::kPress:
+    case StabilityTask::kRub:
+    case StabilityTask::kStack:
+    case StabilityTask::kSoft:
+      break;
+  }
+  if (each.hand == StabilityHand::kNone) {
+    return formatted("{type: drop, position_m: [0, %.9g, 0], release_s: %.9g}", each.height_m, start_s);
+  }
+  const double aside = each.task == StabilityTask::kRub ? 1.0 : 0.0;
+  const double way_m = (each.height_m + each.depth_m) * std::hypot(1.0, aside);
+  return formatted(
+      "{type: push, start_m: [%.9g, %.9g, 0], direction: [%g, -1, 0], distance_m: %.9g, speed_m_s: %.9g, "
+      "start_s: %.9g, ramp_s: %g, impedance: %s}",
+      -0.5 * aside * each.height_m, each.height_m, aside, way_m, each.speed_m_s, start_s, kRampS, impedance);
+}
+
+/// The proxy has a radius where bodies move; its surface is at the hand's zero.
+double radius_m(const StabilityCase& each) {
+  if (each.task == StabilityTask::kSoft) return 0.35 * kBoxEdgeM;  // as large as the meshes of the skin
+  return each.moves_bodies() ? std::min(1.0, 0.25 * kBoxEdgeM * each.scale) : 0.0;
+}
+
+/// A body that falls comes down at speed_m_s on a tip that is held, or lies, at its height.
+std::string falling_body(const StabilityCase& each, double edge_m) {
+  const double drop_m = 0.5 * each.speed_m_s * each.speed_m_s / kGravityMS2;
+  const double y_m = (each.height_m + drop_m) * each.scale + 2.0 * radius_m(each) + 0.5 * edge_m;
+  return formatted(
+      ", {name: block, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, position_m: [0, %.9g, "
+      "0], friction: %.9g}",
+      each.proxy_kg * each.body_ratio, 2.0 * edge_m, edge_m, edge_m, y_m, each.friction);
+}
+
+/// One ball on the floor.
+std::string soft_body(const StabilityCase& each) {
+  const StabilityCase::SoftMaterial& m = each.soft;
+  return formatted(
+      "], soft_bodies: [{name: ball, mesh: {ball: {radius_m: %.9g, nodes: %d}}, position_m: [0, %.9g, 0], mass_kg: "
+      "%.9g, "
+      "linear_stiffness: %.9g, pose_matching_hz: %.9g, bulk_modulus_pa: %.9g, damping_per_s: %.9g, friction: %.9g, "
+      "margin_m: %g, position_iterations: %d}",
+      kBoxEdgeM, m.nodes, kBoxEdgeM + kMarginM, each.proxy_kg * each.body_ratio, m.linear_stiffness, m.pose_matching_hz,
+      m.bulk_modulus_pa, m.damping_per_s, each.friction, kMarginM, m.iterations);
+}
+
+std::string scene_map(const StabilityCase& each) {
+  const double s = each.scale;
+  const double edge_m = kBoxEdgeM * s;
+  const char* const head = "{schema: scene/1, gravity_m_s2: [0, %.9g, 0], bodies: [";
+  // A world of another size has the gravity that feels the same, as far as a scene may have it.
+  std::string out = formatted(head, -std::min(kGravityMS2 * s, 100.0));
+  if (each.moves_bodies()) {
+    out += formatted("{name: floor, type: static, shape: {plane: {}}, friction: %.9g}", std::max(0.2, each.friction));
+    if (each.task == StabilityTask::kSoft) return out + soft_body(each) + "]}";
+    if (each.task == StabilityTask::kFall) return out + falling_body(each, edge_m) + "]}";
+    const int boxes = each.task == StabilityTask::kBlock ? 1 : each.boxes;
+    for (int i = 0; i < boxes; ++i) {
+      const double mass_kg = i % 2 == 0 ? each.proxy_kg * each.body_ratio : each.proxy_kg;
+      const double z_m = each.task == StabilityTask::kBlock ? -0.5 * edge_m - radius_m(each) : 0.0;
+      out += formatted(
+          ", {name: box%d, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, "
+          "position_m: [0, %.9g, %.9g], friction: %.9g}",
+          i, mass_kg, 2.0 * edge_m, edge_m, edge_m, (i + 0.5) * edge_m, z_m, each.friction);
+    }
+    return out + "]}";
+  }
+  std::string shape = "plane: {}";
+  double y_m = 0.0;
+  if (each.shape == StabilityShape::kSphere) {
+    shape = formatted("sphere: {radius_m: %.9g}", 0.05 * s);
+    y_m = -0.05 * s;
+  } else if (each.shape == StabilityShape::kBox) {
+    shape = formatted("box: {size_m: [%.9g, %.9g, %.9g]}", 0.1 * s, 0.1 * s, 0.1 * s);
+    y_m = -0.05 * s;
+  }
+  return out + formatted("{name: wall, type: static, shape: {%s}, position_m: [0, %.9g, 0], friction: %.9g}]}",
+                         shape.c_str(), y_m, each.friction);
+}
+
+std::string soft_text(const StabilityCase& each) {
+  if (each.task != StabilityTask::kSoft) return {};
+  const StabilityCase::SoftMaterial& m = each.soft;
+  return formatted(
+      ", soft ball of %d nodes, links %.3g, matching %.3g Hz, bulk %.3g Pa, damping %.3g /s, %d iterations", m.nodes,
+      m.linear_stiffness, m.pose_matching_hz, m.bulk_modulus_pa, m.damping_per_s, m.iterations);
+}
+
+std::string mapping_map(const StabilityCase& each) {
+  const double edge_m = kBoxEdgeM * each.scale;
+  double y_m = 0.0;
+  if (each.task == StabilityTask::kBlock) y_m = 0.5 * edge_m;
+  if (each.task == StabilityTask::kStack) y_m = each.boxes * edge_m + radius_m(each);
+  if (each.task == StabilityTask::kFall) y_m = radius_m(each);
+  if (each.task == StabilityTask::kSoft) y_m = 2.0 * (kBoxEdgeM + kMarginM) + radius_m(each);
+  return formatted("{position_scale: %.9g, offset_m: [0, %.9g, 0]}", each.scale, y_m);
+}
+
+}  // namespace
+
+const char* to_string(StabilityTask task) noexcept {
+  constexpr std::array names{"drop", "press", "rub", "free", "deep", "block", "stack", "fall", "soft"};
+  return names[static_cast<std::size_t>(task)];
+}
+
+const char* to_string(StabilityHand hand) noexcept {
+  constexpr std::array names{"none", "soft", "stiff"};
+  return names[static_cast<std::size_t>(hand)];
+}
+
+double StabilityCase::end_s() const noexcept {
+  double motion_s = (height_m + depth_m) * 1.5 / std::max(speed_m_s, 1e-3) + kRampS;
+  if (task == StabilityTask::kDeep) motion_s = depth_m / 0.1;  // physics moves the proxy out at 0.1 m/s
+  if (hand == StabilityHand::kNone && task != StabilityTask::kDeep) {
+    motion_s = std::sqrt(2.0 * height_m / kGravityMS2) + 0.2;
+  }
+  if (task == StabilityTask::kFall) motion_s = std::max(motion_s, speed_m_s / kGravityMS2 - start_s() + 0.3);
+  const double pause_s = std::max(loop_pause_s, physics_pause_s);
+  return start_s() + motion_s + (pause_s > 0.0 ? pause_s + 0.3 : 0.0) + 3.0 / physics_hz;
+}
+
+std::vector<std::string> assignments_of(const StabilityCase& each) {
+  std::vector<std::string> out;
+  out.push_back("scene=" + scene_map(each));
+  const double step_hz = each.paper ? std::clamp(each.physics_hz, 15.0, each.haptic_hz) : each.physics_hz;
+  if (each.moves_bodies()) {
+    out.emplace_back("physics.engine=bullet");
+    out.push_back(formatted("physics.solver_iterations=%d", each.solver_iterations));
+  }
+  out.push_back(
+      formatted("physics.rate_hz=%.9g", std::max(each.task == StabilityTask::kSoft ? 500.0 : 1000.0, step_hz)));
+  if (each.paper) {
+    out.emplace_back("haptic.0.form=paper");
+    out.push_back(formatted("haptic.0.link_rate_hz=%.9g", step_hz));
+  } else {
+    out.push_back(formatted("physics.throttle_hz=%.9g", each.physics_hz));
+  }
+  const std::string limits = each.stiff_device ? ", limits: {max_stiffness_n_per_m: 20000, max_slew_n_per_ms: 30}" : "";
+  const std::string start = each.task == StabilityTask::kDeep && each.hand == StabilityHand::kNone
+                                ? formatted(", start_position_m: [0, %.9g, 0]", -each.depth_m)
+                                : "";
+  out.push_back(
+      formatted("haptic.0.device={schema: device/1, driver: simulated, model: %s, mechanics: {position_quantum_m: "
+                "%.9g}%s%s, hand: ",
+                StabilityEnvelope::kDevice, each.quantum_m, limits.c_str(), start.c_str()) +
+      hand_map(each) + "}");
+  out.push_back(formatted("haptic.0.rate_hz=%.9g", each.haptic_hz));
+  out.push_back("haptic.0.method=" + each.method);
+  out.push_back(formatted("haptic.0.coupling={stiffness_n_per_m: %.9g, damping_n_s_per_m: %.9g}",
+                          each.stiffness_n_per_m, each.damping_n_s_per_m));
+  out.push_back(formatted("haptic.0.proxy={mass_kg: %.9g, radius_m: %.9g}", each.proxy_kg, radius_m(each)));
+  out.push_back("haptic.0.mapping=" + mapping_map(each));
+  return out;
+}
+
+HarnessOptions link_of(const StabilityCase& each) {
+  HarnessOptions out;
+  out.physics_phase_s = each.phase / each.physics_hz;
+  out.jitter_s = each.jitter_s;
+  out.lost_share = each.lost_share;
+  out.link_seed = each.seed + 1;
+  const double middle_s = each.start_s() + 0.25;
+  if (each.loop_pause_s > 0.0) {
+    out.loop_stops_s = middle_s;
+    out.loop_pause_s = each.loop_pause_s;
+  }
+  if (each.physics_pause_s > 0.0) {
+    out.physics_dies_s = middle_s;
+    out.physics_returns_s = middle_s + each.physics_pause_s;
+  }
+  return out;
+}
+
+StabilityCase direct_reference(const StabilityCase& each, double stiffness_n_per_m, double damping_n_s_per_m) {
+  StabilityCase out = each;
+  out.method = "direct";
+  out.paper = false;
+  out.haptic_hz = 10000.0;
+  out.stiffness_n_per_m = stiffness_n_per_m;
+  out.damping_n_s_per_m = damping_n_s_per_m;
+  out.stiff_device = true;
+  out.jitter_s = out.lost_share = out.loop_pause_s = out.physics_pause_s = 0.0;
+  return out;
+}
+
+std::string describe(const StabilityCase& each) {
+  return formatted(
+      "%s%s %s hand %s: K %.4g N/m, B %.3g N s/m, physics %.4g Hz, loop %.5g Hz, proxy %.3g kg, body x%.3g, "
+      "friction %.2f, quantum %.3g um, scale %.3g, %.2g m/s, height %.3g mm, depth %.3g mm, jitter %.3g ms, lost "
+      "%.2g, pauses %.3g/%.3g s%s",
+      each.method.c_str(), each.paper ? " (paper)" : "", to_string(each.task), to_string(each.hand),
+      each.stiffness_n_per_m, each.damping_n_s_per_m, each.physics_hz, each.haptic_hz, each.proxy_kg, each.body_ratio,
+      each.friction, each.quantum_m * 1e6, each.scale, each.speed_m_s, each.height_m * 1e3, each.depth_m * 1e3,
+      each.jitter_s * 1e3, each.lost_share, each.loop_pause_s, each.physics_pause_s,
+      (soft_text(each) + (each.envelope ? ", in the envelope" : "")).c_str());
+}
+
+}  // namespace tools

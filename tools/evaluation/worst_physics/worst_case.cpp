@@ -1,0 +1,159 @@
+#include "tools/evaluation/worst_physics/worst_case.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "drivers/simulated/simulated_device.hpp"
+#include "haptic_node/safety.hpp"
+#include "rtbus/config/session.hpp"
+#include "rtbus/eigen.hpp"
+
+namespace tools {
+
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr std::uint64_t kStart_ns = rtbus::kNsPerS;  // of the harness
+constexpr double kOverspeedCutoff_hz = 100.0;        // haptic_node/safety.cpp
+/// A force that differs by less is the same to a hand.
+constexpr double kSameForce_n = 0.05;
+constexpr double kSameForceShare = 0.1;
+/// Rounding of the slew limit's sums, and of the actuators' steps.
+constexpr double kRounding_n = 1e-6;
+
+/// The hand taps on the wall once a second.
+std::vector<std::string> assignments_of(const HostilePlan& plan) {
+  std::string hand = "{type: none}";
+  if (plan.hand_n_per_m > 0.0) {
+    hand =
+        "{type: sinusoid, centre_m: [0, 0.002, 0], amplitude_m: [0, 0.006, 0], frequency_hz: 1.0, max_force_n: 20, "
+        "stiffness_n_per_m: " +
+        std::to_string(plan.hand_n_per_m) + ", damping_n_s_per_m: " + std::to_string(plan.hand_n_s_per_m) +
+        ", mass_kg: " + std::to_string(plan.hand_kg) + "}";
+  }
+  return {"haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: " + hand + "}",
+          "haptic.0.method=" + plan.method,
+          "haptic.0.coupling={stiffness_n_per_m: " + std::to_string(plan.stiffness_n_per_m) +
+              ", damping_n_s_per_m: " + std::to_string(plan.damping_n_s_per_m) + "}"};
+}
+
+struct Run {
+  Run(const HostilePlan& plan, const std::string& session_file)
+      : session(rtbus::config::load_session(session_file, parsed(plan))), harness(session, HarnessOptions{}) {}
+  static std::vector<rtbus::config::Override> parsed(const HostilePlan& plan) {
+    std::vector<rtbus::config::Override> out;
+    for (const std::string& text : assignments_of(plan)) out.push_back(rtbus::config::parse_override(text));
+    return out;
+  }
+  [[nodiscard]] const drivers::simulated::Mechanics& mechanics() const {
+    return static_cast<const drivers::simulated::SimulatedDevice&>(harness.device()).mechanics();
+  }
+  rtbus::config::SessionConfig session;
+  Harness harness;
+};
+
+std::vector<Vector3d> record_second(Harness& harness) {
+  std::vector<Vector3d> out;
+  harness.run(1.0, [&](const rtbus::Telemetry& tick) { out.push_back(rtbus::vector_of(tick.force_n)); });
+  return out;
+}
+
+/// The last second of a hand that met nothing but honest physics.
+std::vector<Vector3d> honest_second(const HostilePlan& plan, const WorstSetup& setup) {
+  Run run(plan, setup.session_file);
+  // Whole periods of the hand's motion: which ones does not matter, once its amplitude is reached.
+  run.harness.run(std::fmod(setup.hostile_s, 1.0) + 2.0 + kRecovery_s, nullptr);
+  return record_second(run.harness);
+}
+
+double rms(const std::vector<Vector3d>& forces_n) {
+  double sum = 0.0;
+  for (const Vector3d& force : forces_n) sum += force.squaredNorm();
+  return forces_n.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(forces_n.size()));
+}
+
+/// Looks at each tick.
+class Judge {
+ public:
+  Judge(const Run& run, WorstOutcome& out) : run_(run), config_(run.harness.config()), out_(out) {
+    out_.growth_bound_n = config_.safety.slew_n_per_ms * 1e-6 * static_cast<double>(config_.period_ns()) + kRounding_n;
+    out_.bound_w = power_bound_w(config_, kEnergyWindow_s);
+  }
+  void look(const rtbus::Telemetry& tick) {
+    const Vector3d force_n = rtbus::vector_of(tick.force_n), velocity_m_s = rtbus::vector_of(tick.velocity_m_s);
+    const double norm_n = force_n.norm();
+    if (!force_n.allFinite()) ++out_.nonfinite;
+    if (norm_n > config_.safety.max_force_n * (1.0 + 1e-9)) ++out_.above_limit;
+    out_.peak_n = std::max(out_.peak_n, norm_n);
+    if (force_n.dot(velocity_m_s) >= 0.0) out_.growth_n = std::max(out_.growth_n, norm_n - last_n_);
+    last_n_ = norm_n;
+    const bool overspeed = (tick.safety & haptic::kOverspeed) != 0;
+    if (overspeed && !overspeed_) ++out_.overspeeds;
+    overspeed_ = overspeed;
+    work_j_.push_back(run_.mechanics().actuator_work_j());
+    const auto window = static_cast<std::size_t>(kEnergyWindow_s / (1e-9 * static_cast<double>(config_.period_ns())));
+    if (work_j_.size() > window) {
+      out_.power_w = std::max(out_.power_w, (work_j_.back() - work_j_[work_j_.size() - 1 - window]) / kEnergyWindow_s);
+    }
+  }
+  /// Over the second half of what was seen: the first warms the motors up.
+  [[nodiscard]] double mean_power_w() const {
+    const std::size_t half = work_j_.size() / 2;
+    const double seconds = static_cast<double>(half) * 1e-9 * static_cast<double>(config_.period_ns());
+    return half == 0 ? 0.0 : (work_j_.back() - work_j_[work_j_.size() - half]) / seconds;
+  }
+
+ private:
+  const Run& run_;
+  const haptic::HapticConfig& config_;
+  WorstOutcome& out_;
+  double last_n_ = 0.0;
+  bool overspeed_ = false;
+  std::vector<double> work_j_;  ///< At each tick.
+};
+
+}  // namespace
+
+double power_bound_w(const haptic::HapticConfig& config, double window_s) {
+  const haptic::SafetyConfig& safety = config.safety;
+  const double dt_s = 1e-9 * static_cast<double>(config.period_ns());
+  const double warm = std::sqrt((safety.thermal_time_constant_s + window_s) / window_s);
+  const double force_n = std::min(safety.max_force_n, warm * safety.continuous_force_n);
+  const double delay_s = 1.0 / (2.0 * std::numbers::pi * kOverspeedCutoff_hz) + 2.0 * dt_s;
+  return force_n * (safety.overspeed_m_s + safety.max_force_n / config.device->info().apparent_mass_kg * delay_s);
+}
+
+WorstOutcome run_worst_case(const std::string& method, std::span<const std::uint64_t> lineage,
+                            const WorstSetup& setup) {
+  const HostilePlan plan = hostile_plan(method, lineage);
+  Run run(plan, setup.session_file);
+  WorstOutcome out;
+  Judge judge(run, out);
+  const auto look = [&judge](const rtbus::Telemetry& tick) { judge.look(tick); };
+  const auto until_ns = kStart_ns + static_cast<std::uint64_t>(setup.hostile_s * 1e9);
+  HostilePhysics hostile(plan, run.harness.config().stiffness_n_per_m, lineage.back(), until_ns);
+  run.harness.tamper([&hostile](Harness::Answer& answer) { hostile.answer(answer); });
+
+  run.harness.run(kTrial_s, look);
+  out.answers = hostile.lies();
+  out.trial_w = judge.mean_power_w();
+  if (out.trial_w < setup.give_up_below_w && out.forces_hold()) return out;
+  run.harness.run(setup.hostile_s - kTrial_s + kRecovery_s, look);
+  out.answers = hostile.lies();
+
+  out.hash = run.harness.hash();
+  // A tip that nobody holds stays where the lies have left it, perhaps deep inside the wall, which has no energy to
+  // lift it out: there is nothing to compare with.
+  if (plan.hand_n_per_m <= 0.0) return out;
+  const std::vector<Vector3d> honest_n = honest_second(plan, setup);
+  std::vector<Vector3d> differences_n = record_second(run.harness);
+  for (std::size_t i = 0; i < std::min(differences_n.size(), honest_n.size()); ++i) differences_n[i] -= honest_n[i];
+  out.recovery_error_n = rms(differences_n);
+  out.recovery_bound_n = kSameForce_n + kSameForceShare * rms(honest_n);
+  return out;
+}
+
+}  // namespace tools
