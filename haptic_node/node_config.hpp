@@ -16,7 +16,7 @@
 #include "rtbus/config/session.hpp"
 #include "rtbus/config/shared_keys.hpp"
 #include "rtbus/realtime.hpp"
-#include "rtbus/shapes/hull.hpp"
+#include "rtbus/shapes/standing_shape.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace haptic {
@@ -53,8 +53,8 @@ struct HapticConfig {
   double spin_s = 0.0;  ///< Tail of each sleep that is spent spinning.
   std::unique_ptr<drivers::DeviceConfig> device;
   std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene.
+  std::vector<rtbus::shapes::StandingShape> standing;  ///< Of the scene, for a method that knows shapes.
   bool telemetry_always = false;  ///< Not of the file: telemetry is published though nobody observes it.
-  std::vector<rtbus::shapes::StandingHull> hulls;  ///< Of the scene, for a method that knows shapes.
   std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
 
   [[nodiscard]] std::uint64_t period_ns() const noexcept;

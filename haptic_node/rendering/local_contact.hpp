@@ -20,13 +20,13 @@ namespace haptic {
 class LocalContact final : public Method {
  public:
   /// @param mapping Must outlive this object.
-  /// @param hulls Static bodies whose shape the loop knows.
+  /// @param standing Static bodies whose shape the loop knows.
   LocalContact(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping& mapping,
-               std::vector<rtbus::shapes::StandingHull> hulls = {})
+               std::vector<rtbus::shapes::StandingShape> standing = {})
       : stiffness_n_per_m_(stiffness_n_per_m),
         damping_n_s_per_m_(damping_n_s_per_m),
         mapping_(mapping),
-        world_(std::move(hulls)) {}
+        world_(std::move(standing)) {}
 
   [[nodiscard]] std::string_view name() const noexcept override { return "local_contact"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return true; }

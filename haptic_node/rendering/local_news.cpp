@@ -297,9 +297,11 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer, std::uint64_t
   const auto way_out_ns =
       static_cast<std::uint64_t>((kWayOut_s + kWayOutSteps * std::clamp(answer.step_s, 0.0, 1.0)) * 1e9);
   contact_count_ = 0;
+  for (Touchable& each : touchable_) each.named = false;
+  any_touchable_ = false;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
     const std::size_t row = answer.contact_body[i];
-    if (row >= rigid_rows_) continue;
+    if (row >= rigid_rows_ || name_surface(answer, i)) continue;
     Contact& contact = contacts_[contact_count_++];
     contact = Contact{};
     contact.named_ns = now_ns;
@@ -309,8 +311,8 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer, std::uint64_t
     contact.normal = turned_since_[row] * vector_of(answer.contact_normal[i]);
     contact.friction = answer.contact_friction[i];
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
-    contact.hull = hulls_.empty() ? -1 : hull_of(answer.body_index[row]);
-    if (contact.hull >= 0) follow_hull(contact);
+    contact.standing = standing_.empty() ? -1 : standing_of(answer.body_index[row]);
+    if (contact.standing >= 0) follow_hull(contact);
     const double gap_m = gap_of(contact);
     std::size_t best = old_count;
     double best_cosine = kSameContact;
@@ -360,6 +362,7 @@ void LocalWorld::take_contacts(const rtbus::ProxyContacts& answer, std::uint64_t
     if (matched[j] || old[j].impulse_n_s.isZero(0.0) || !bodies_[old[j].body].used) continue;
     Contact& contact = contacts_[contact_count_++];
     contact = old[j];
+    if (!old[j].fades && old[j].standing >= 0 && touchable_[static_cast<std::size_t>(old[j].standing)].named) continue;
     contact.offset_m += old[j].gap_m - (gap_of(contact) + contact.offset_m);  // its body may have been moved
     contact.late_m_s.setZero();
     contact.fades = true;

@@ -14,8 +14,6 @@ using Eigen::Vector3d;
 
 /// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
 constexpr double kSupportSoftness = 0.02;
-/// A proxy whose centre is this near to a surface has none of its own: its plane stays.
-constexpr double kSurface_m = 1e-6;
 
 }  // namespace
 
@@ -28,6 +26,8 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   contact_count_ = support_count_ = push_count_ = 0;
   hand_m_s_.setZero();
   soft_.reset();
+  for (Touchable& each : touchable_) each.named = false;
+  any_touchable_ = false;
   good_until_ns_ = 0;
 }
 
@@ -49,27 +49,6 @@ void LocalWorld::roll(Contact& contact) const noexcept {
   if (way.squaredNorm() <= 1e-12) return;
   contact.normal = way.normalized();
   contact.from_centre_m = middle + contact.radius_m * contact.normal;
-}
-
-int LocalWorld::hull_of(std::uint32_t body) const noexcept {
-  for (std::size_t i = 0; i < hulls_.size(); ++i) {
-    if (hulls_[i].body == body) return static_cast<int>(i);
-  }
-  return -1;
-}
-
-/// On a hull the contact is where the hull is nearest to the proxy. Inside of it, it stays the plane that it was.
-void LocalWorld::follow_hull(Contact& contact) noexcept {
-  const auto index = static_cast<std::size_t>(contact.hull);
-  const rtbus::shapes::StandingHull& standing = hulls_[index];
-  const Vector3d proxy_B = standing.q_WB.conjugate() * (position_m_ - standing.p_WB);
-  Vector3d nearest_B;
-  if (!nearest_point(standing.hull, proxy_B, nearest_[index], nearest_B)) return;
-  const Vector3d way_B = proxy_B - nearest_B;
-  const double distance_m = way_B.norm();
-  if (distance_m < kSurface_m) return;  // the direction of what is left is rounding
-  contact.normal = standing.q_WB * Vector3d(way_B / distance_m);
-  contact.from_centre_m = standing.p_WB + standing.q_WB * nearest_B - bodies_[contact.body].centre_m;
 }
 
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
@@ -180,10 +159,13 @@ Vector3d LocalWorld::heap_surface_m_s(const Body& body, const Vector3d& normal) 
 std::size_t LocalWorld::gather(double h) noexcept {
   std::array<bool, kBodies> takes_part{};
   std::size_t rows = 0;
+  for (std::size_t i = 0; any_touchable_ && i < touchable_.size(); ++i) {
+    if (touchable_[i].named) follow_surface(i, h);
+  }
   for (std::size_t i = 0; i < contact_count_; ++i) {
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact);
-    if (contact.hull >= 0 && !contact.fades) follow_hull(contact);
+    if (contact.standing >= 0 && !contact.fades) follow_hull(contact);
     const Body& body = bodies_[contact.body];
     const Vector3d surface = surface_m_s(contact) + contact.late_m_s;
     contact.gap_m = gap_of(contact) + contact.offset_m;
@@ -276,7 +258,8 @@ void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
 }
 
 void LocalWorld::integrate(double h) noexcept {
-  velocity_m_s_ = solver_bodies_[0].velocity_m_s;
+  const Vector3d& solved_m_s = solver_bodies_[0].velocity_m_s;
+  velocity_m_s_ = any_touchable_ ? Vector3d(free_way_m(h * solved_m_s, h) / h) : solved_m_s;
   position_m_ += h * velocity_m_s_;
   for (std::size_t i = 0; i < contact_count_; ++i) {
     contacts_[i].offset_m -= h * contacts_[i].normal.dot(contacts_[i].late_m_s);

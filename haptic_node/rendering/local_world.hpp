@@ -18,7 +18,7 @@
 #include "haptic_node/rendering/local_soft.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
-#include "rtbus/shapes/hull.hpp"
+#include "rtbus/shapes/standing_shape.hpp"
 
 namespace haptic {
 
@@ -70,12 +70,18 @@ class LocalWorld {
   static constexpr int kReplayRows = 100;  ///< … and parts times rows of all bodies, about.
   /// A way out of a body that no answer has named for so long, and for so many steps, is none: another surface is.
   static constexpr double kWayOut_s = 0.5, kWayOutSteps = 4.0;
+  /// A surface of triangles has no inside. A proxy that is smaller than this is held by planes as they are told.
+  static constexpr double kLeastProxy_m = 0.25e-3;
+  /// In each step it is looked for such surfaces as far as the proxy goes at twice its speed, within these bounds. What
+  /// pulls it farther is looked for again, so often at most.
+  static constexpr double kSlowLook_m_s = 0.1, kFastLook_m_s = 1.0;
+  static constexpr int kLooks = 8;
   static constexpr double kBrake_s = 0.01;  ///< Without news bodies come to rest in about three times that.
 
-  /// @param hulls Static bodies whose shape is known: their contacts follow it in each step, whatever plane an answer
-  /// told. They stay as long as this object.
-  explicit LocalWorld(std::vector<rtbus::shapes::StandingHull> hulls = {})
-      : hulls_(std::move(hulls)), nearest_(hulls_.size()) {}
+  /// @param standing Static bodies whose shape is known: their contacts follow it in each step, whatever plane an
+  /// answer told. They stay as long as this object.
+  explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {})
+      : standing_(std::move(standing)), nearest_(standing_.size()), touchable_(standing_.size()) {}
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
@@ -129,8 +135,9 @@ class LocalWorld {
     std::size_t body = 0;
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
-    double radius_m = 0.0;  ///< Of the ball whose surface it is; 0: a plane.
-    int hull = -1;          ///< Of hulls_: follows that shape; −1: none.
+    double radius_m = 0.0;      ///< Of the ball whose surface it is; 0: a plane.
+    int standing = -1;          ///< Of standing_: follows that shape; −1: none.
+    std::uint64_t feature = 0;  ///< Of a surface: what it is on.
     double friction = 0.0;
     double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
@@ -171,15 +178,27 @@ class LocalWorld {
   [[nodiscard]] double gap_of(const Contact& contact) const noexcept;
   [[nodiscard]] Eigen::Vector3d surface_m_s(const Contact& contact) const noexcept;
   void roll(Contact& contact) const noexcept;
-  [[nodiscard]] int hull_of(std::uint32_t body) const noexcept;
+  [[nodiscard]] int standing_of(std::uint32_t body) const noexcept;
   void follow_hull(Contact& contact) noexcept;
+  [[nodiscard]] bool name_surface(const rtbus::ProxyContacts& answer, std::size_t contact) noexcept;
+  [[nodiscard]] double look_m(double h) const noexcept;
+  void follow_surface(std::size_t standing, double h) noexcept;
+  [[nodiscard]] Eigen::Vector3d free_way_m(const Eigen::Vector3d& way_m, double h) const noexcept;
   void blend(double h) noexcept;
   [[nodiscard]] Eigen::Vector3d heap_surface_m_s(const Body& body, const Eigen::Vector3d& normal) const noexcept;
   std::size_t gather(double h) noexcept;
   void integrate(double h) noexcept;
 
-  std::vector<rtbus::shapes::StandingHull> hulls_;
-  std::vector<rtbus::shapes::NearestFeature> nearest_;  ///< Of the last query of each.
+  std::vector<rtbus::shapes::StandingShape> standing_;
+  std::vector<rtbus::shapes::NearestFeature> nearest_;  ///< Of the last query of each hull.
+  /// A surface that the last answer named.
+  struct Touchable {
+    bool named = false;
+    std::size_t body = 0;
+    double friction = 0.0;
+  };
+  std::vector<Touchable> touchable_;  ///< Of each of standing_; hulls are none.
+  bool any_touchable_ = false;
 
   Eigen::Vector3d position_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s_ = Eigen::Vector3d::Zero();

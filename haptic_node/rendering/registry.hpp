@@ -9,8 +9,8 @@
 
 #include "haptic_node/rendering/mapping.hpp"
 #include "haptic_node/rendering/method.hpp"
-#include "rtbus/shapes/hull.hpp"
 #include "rtbus/shapes/shapes.hpp"
+#include "rtbus/shapes/standing_shape.hpp"
 
 namespace haptic {
 
@@ -18,11 +18,11 @@ namespace haptic {
 struct MethodContext {
   double stiffness_n_per_m = 0.0;  ///< At the device, after its limit.
   double damping_n_s_per_m = 0.0;
-  const Mapping& mapping;                            ///< Outlives the method.
-  std::vector<rtbus::shapes::PlacedShape> shapes;    ///< Static analytic bodies of the scene, in W.
-  bool paper = false;                                ///< `form: paper`.
-  double proxy_mass_kg = 0.1;                        ///< In the world, for a method that simulates the proxy itself.
-  std::vector<rtbus::shapes::StandingHull> hulls{};  ///< Static boxes and hulls of the scene, in W.
+  const Mapping& mapping;                          ///< Outlives the method.
+  std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene, in W.
+  bool paper = false;                              ///< `form: paper`.
+  double proxy_mass_kg = 0.1;                      ///< In the world, for a method that simulates the proxy itself.
+  std::vector<rtbus::shapes::StandingShape> standing{};  ///< Static boxes, hulls and meshes of the scene, in W.
 };
 
 /// The force that physics computes for a method, if any.

@@ -8,6 +8,8 @@
 #include <BulletCollision/NarrowPhaseCollision/btGjkPairDetector.h>
 #include <BulletCollision/NarrowPhaseCollision/btPointCollector.h>
 
+#include "rtbus/shapes/surface.hpp"
+
 namespace physics::bullet {
 namespace {
 
@@ -51,27 +53,6 @@ NearPoint nearest_cylinder(const btCylinderShape& cylinder, const Vector3d& p) {
   return {Vector3d(p.x(), up.y() * half.y(), p.z()), up, -to_cap};
 }
 
-/// Nearest point of a triangle (C. Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
-Vector3d nearest_on_triangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
-  const Vector3d ab = b - a, ac = c - a, ap = p - a;
-  const double d1 = ab.dot(ap), d2 = ac.dot(ap);
-  if (d1 <= 0.0 && d2 <= 0.0) return a;
-  const Vector3d bp = p - b;
-  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
-  if (d3 >= 0.0 && d4 <= d3) return b;
-  const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) return a + ab * (d1 / (d1 - d3));
-  const Vector3d cp = p - c;
-  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
-  if (d6 >= 0.0 && d5 <= d6) return c;
-  const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) return a + ac * (d2 / (d2 - d6));
-  const double va = d3 * d6 - d5 * d4;
-  if (va <= 0.0 && d4 >= d3 && d5 >= d6) return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
-  const double sum = va + vb + vc;
-  return sum > 0.0 ? Vector3d(a + ab * (vb / sum) + ac * (vc / sum)) : a;  // a triangle without area: any corner
-}
-
 /// Collects the faces near a point; what two faces share (an edge, a corner, a plane) counts once.
 class MeshVisitor final : public btTriangleCallback {
  public:
@@ -81,7 +62,8 @@ class MeshVisitor final : public btTriangleCallback {
     const Vector3d a = from_bullet(corner[0]), b = from_bullet(corner[1]), c = from_bullet(corner[2]);
     const Vector3d face = (b - a).cross(c - a).normalized();
     const Vector3d if_inside = face.allFinite() ? face : Vector3d(Vector3d::UnitY());
-    const NearPoint hit = around(p_, nearest_on_triangle(p_, a, b, c), 0.0, if_inside);
+    rtbus::shapes::TrianglePart part;
+    const NearPoint hit = around(p_, rtbus::shapes::nearest_on_triangle(p_, {a, b, c}, part), 0.0, if_inside);
     if (hit.gap > reach_) return;
     for (NearPoint& known : found) {
       if (known.normal.dot(hit.normal) < kSameDirection) continue;

@@ -144,11 +144,17 @@ std::vector<shapes::PlacedShape> Scene::static_shapes() const {
   return out;
 }
 
-std::vector<shapes::StandingHull> Scene::standing_hulls() const {
-  std::vector<shapes::StandingHull> out;
+std::vector<shapes::StandingShape> Scene::standing_shapes() const {
+  std::vector<shapes::StandingShape> out;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
     if (body.type != BodyType::kStatic) continue;
+    const auto number = static_cast<std::uint32_t>(i);
+    if (const auto* mesh = std::get_if<Mesh>(&body.shape)) {
+      auto surface = std::make_shared<const shapes::Surface>(mesh->surface->vertices_m, mesh->surface->triangles);
+      if (surface->triangle_count() > 0) out.push_back({std::move(surface), number, body.q_WB, body.p_WB});
+      continue;
+    }
     shapes::Hull hull;
     if (const auto* box = std::get_if<shapes::Box>(&body.shape)) {
       for (int corner = 0; corner < 8; ++corner) {
@@ -159,7 +165,7 @@ std::vector<shapes::StandingHull> Scene::standing_hulls() const {
       hull.points_m = points->points->vertices_m;
     }
     if (hull.points_m.empty() || hull.points_m.size() > shapes::Hull::kMost) continue;
-    out.push_back({std::move(hull), static_cast<std::uint32_t>(i), body.q_WB, body.p_WB});
+    out.push_back({std::move(hull), number, body.q_WB, body.p_WB});
   }
   return out;
 }

@@ -12,7 +12,7 @@
 #include "rtbus/config/body_shape.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/config/soft_body.hpp"
-#include "rtbus/shapes/hull.hpp"
+#include "rtbus/shapes/standing_shape.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace rtbus::config {
@@ -62,9 +62,9 @@ struct Scene {
   /// engine know.
   [[nodiscard]] std::vector<shapes::PlacedShape> static_shapes() const;
 
-  /// The boxes and convex hulls that never move, without those of more than Hull::kMost points: what `local_contact`
-  /// knows the shape of.
-  [[nodiscard]] std::vector<shapes::StandingHull> standing_hulls() const;
+  /// The boxes, convex hulls and meshes that never move, without hulls of more than Hull::kMost points: what
+  /// `local_contact` knows the shape of.
+  [[nodiscard]] std::vector<shapes::StandingShape> standing_shapes() const;
 };
 
 /// Reads a scene from its map and finishes the map. Throws Error.

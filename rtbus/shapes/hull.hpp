@@ -7,7 +7,6 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 
 namespace rtbus::shapes {
 
@@ -29,13 +28,5 @@ struct NearestFeature {
 /// then `out_m` is unchanged. @realtime Yes: bounded, no allocation.
 [[nodiscard]] bool nearest_point(const Hull& hull, const Eigen::Vector3d& p, NearestFeature& feature,
                                  Eigen::Vector3d& out_m) noexcept;
-
-/// A hull that never moves, and which body of the scene it is.
-struct StandingHull {
-  Hull hull;
-  std::uint32_t body = 0;  ///< In the scene's order.
-  Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();
-  Eigen::Vector3d p_WB = Eigen::Vector3d::Zero();
-};
 
 }  // namespace rtbus::shapes

@@ -200,7 +200,7 @@ TEST(HapticConfig, KnowsTheShapesOfTheFileOnlyWherePhysicsHasThem) {
     auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/tests/data/sessions/ridge.yaml",
                                                {rtbus::config::parse_override("physics.engine=" + engine),
                                                 rtbus::config::parse_override("haptic.0.method=local_contact")});
-    return haptic::read_haptic_config(session, 0).hulls.size();
+    return haptic::read_haptic_config(session, 0).standing.size();
   };
   EXPECT_EQ(known("analytic"), 1U);
   EXPECT_EQ(known("external"), 0U);

@@ -5,8 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
+
+#include <unistd.h>
 
 #include "tools/harness/harness.hpp"
 
@@ -44,6 +48,65 @@ Error error_of(const Forces& forces, const Forces& truth) {
   }
   out.rms_n = std::sqrt(sum / std::max(1.0, touched));
   return out;
+}
+
+/// A surface with bumps of 1 mm every 20 mm, in triangles of 1 mm, as a file.
+class BumpyMesh {
+ public:
+  BumpyMesh() : file_(std::filesystem::temp_directory_path() / ("rtbus_bumps_" + std::to_string(::getpid()) + ".obj")) {
+    std::ofstream out(file_);
+    constexpr int kCells = 70;
+    for (int i = 0; i <= kCells; ++i) {
+      for (int k = 0; k <= kCells; ++k) {
+        const double x = 1e-3 * (i - kCells / 2), z = 1e-3 * (k - kCells / 2);
+        out << "v " << x << ' ' << 1e-3 * std::sin(314.0 * x) * std::cos(150.0 * z) << ' ' << z << '\n';
+      }
+    }
+    for (int i = 0; i < kCells; ++i) {
+      for (int k = 1; k <= kCells; ++k) {
+        const int a = i * (kCells + 1) + k, d = a + kCells + 1;
+        out << "f " << a << ' ' << a + 1 << ' ' << d + 1 << ' ' << d << '\n';
+      }
+    }
+  }
+  ~BumpyMesh() { std::filesystem::remove(file_); }
+  BumpyMesh(const BumpyMesh&) = delete;
+  BumpyMesh& operator=(const BumpyMesh&) = delete;
+
+  /// The session strokes over it, 2 mm deep.
+  [[nodiscard]] std::vector<std::string> assignments() const {
+    return {"scene.bodies.0.shape={mesh: {file: " + file_.string() + ", metres_per_unit: 1}}",
+            "scene.bodies.0.orientation_wxyz=[1, 0, 0, 0]", "haptic.0.mapping.offset_m=[0, 0, 0]",
+            "haptic.0.device.hand.start_m=[-0.02, 0.003, 0.002]"};
+  }
+
+ private:
+  std::filesystem::path file_;
+};
+
+// Told as planes one answer old a mesh was far off; its true shape is in the loop.
+TEST(Edge, TheBumpsOfAMeshAreFeltWhereTheyAreAtEveryRateOfPhysics) {
+  const BumpyMesh mesh;
+  const auto stroked = [&](std::vector<std::string> more) {
+    const auto all = mesh.assignments();
+    more.insert(more.end(), all.begin(), all.end());
+    return stroke(more);
+  };
+  const Forces truth = stroked({"haptic.0.method=local_contact", "haptic.0.rate_hz=10000", "physics.rate_hz=10000"});
+  double largest_n = 0.0;
+  for (const Eigen::Vector3d& force : truth) largest_n = std::max(largest_n, force.norm());
+  EXPECT_GT(largest_n, 0.5) << "the hand is in it";
+  for (const char* physics : {"100", "43", "18"}) {
+    const std::string rate = std::string("physics.throttle_hz=") + physics;
+    const Error local = error_of(stroked({"haptic.0.method=local_contact", rate}), truth);
+    const Error remote =
+        error_of(stroked({"haptic.0.method=remote_virtual_coupling", "haptic.0.proxy.lead_steps=2", rate}), truth);
+    std::printf("physics %s Hz: local_contact %.4f N, %.4f N in 1 ms; remote coupling, lead 2: %.4f N, %.4f N\n",
+                physics, local.rms_n, local.largest_change_n, remote.rms_n, remote.largest_change_n);
+    EXPECT_LE(local.rms_n, 0.02) << physics;
+    EXPECT_LE(local.largest_change_n, 0.1) << physics;
+    EXPECT_LT(local.rms_n, remote.rms_n) << physics;
+  }
 }
 
 // Told as a plane one answer old the ridge was 0.51 N off at 18 Hz and changed by 0.34 N in a millisecond.

@@ -38,6 +38,8 @@ void claim_wall(const LocalContactOptions& options, Experiment& experiment);
 /// e: piles and soft bodies, rough at equal mean force. g: Newton's third law.
 void claim_rough(const LocalContactOptions& options, Experiment& experiment, RunProgress& progress);
 void claim_third_law(const LocalContactOptions& options, Experiment& experiment);
+/// h: edges, hulls and meshes are felt where they are.
+void claim_shapes(const LocalContactOptions& options, Experiment& experiment);
 
 /// One run, every cycle of it. `--set` of the user comes last.
 [[nodiscard]] std::vector<rtbus::Telemetry> record_hand(const LocalContactOptions& options, const std::string& session,
