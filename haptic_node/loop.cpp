@@ -17,7 +17,7 @@ using rtbus::vector_of;
 bool pressed(std::uint32_t buttons, int button) noexcept { return button >= 0 && ((buttons >> button) & 1u) != 0; }
 
 std::unique_ptr<Method> make_method(const HapticConfig& config, const Mapping& mapping) {
-  const MethodContext context{config.stiffness_n_per_m, config.damping_n_s_per_m, mapping,     config.shapes,
+  const MethodContext context{config.stiffness_n_per_m, config.damping_n_s_per_m, mapping,        config.shapes,
                               config.wire.paper,        config.proxy.mass_kg,     config.standing};
   return find_method(config.method)->make(context);
 }

@@ -16,8 +16,8 @@
 #include "rtbus/config/session.hpp"
 #include "rtbus/config/shared_keys.hpp"
 #include "rtbus/realtime.hpp"
-#include "rtbus/shapes/standing_shape.hpp"
 #include "rtbus/shapes/shapes.hpp"
+#include "rtbus/shapes/standing_shape.hpp"
 
 namespace haptic {
 
@@ -52,9 +52,9 @@ struct HapticConfig {
   rtbus::RealtimeRequest realtime;
   double spin_s = 0.0;  ///< Tail of each sleep that is spent spinning.
   std::unique_ptr<drivers::DeviceConfig> device;
-  std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene.
+  std::vector<rtbus::shapes::PlacedShape> shapes;      ///< Static analytic bodies of the scene.
   std::vector<rtbus::shapes::StandingShape> standing;  ///< Of the scene, for a method that knows shapes.
-  bool telemetry_always = false;  ///< Not of the file: telemetry is published though nobody observes it.
+  bool telemetry_always = false;      ///< Not of the file: telemetry is published though nobody observes it.
   std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
 
   [[nodiscard]] std::uint64_t period_ns() const noexcept;

@@ -12,8 +12,8 @@
 #include "rtbus/config/body_shape.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/config/soft_body.hpp"
-#include "rtbus/shapes/standing_shape.hpp"
 #include "rtbus/shapes/shapes.hpp"
+#include "rtbus/shapes/standing_shape.hpp"
 
 namespace rtbus::config {
 
