@@ -90,8 +90,15 @@ class Episodes(unittest.TestCase):
         if "  export " not in subprocess.run([program, "--help"], capture_output=True, text=True, timeout=90).stdout:
             self.skipTest("built without HDF5")
         recording(self.source, [(100, "reach"), (400, "push"), (900, "end")])
-        out = subprocess.run([program, "export", self.source, "--episodes", self.target], capture_output=True, text=True,
-                             timeout=90)
+        # A virtual environment without our packages, which is the first in the PATH, is not asked.
+        with tempfile.TemporaryDirectory() as folder:
+            os.mkdir(os.path.join(folder, "bin"))
+            os.symlink("/usr/bin/python3", os.path.join(folder, "bin", "python3"))
+            with open(os.path.join(folder, "pyvenv.cfg"), "w") as file:
+                file.write("home = /usr/bin\ninclude-system-site-packages = false\n")
+            path = os.pathsep.join([os.path.join(folder, "bin"), os.environ["PATH"]])
+            out = subprocess.run([program, "export", self.source, "--episodes", self.target], capture_output=True, text=True,
+                                 timeout=90, env={**os.environ, "PATH": path})
         self.assertEqual(out.returncode, 0, out.stdout + out.stderr)
         self.assertIn("2 episodes written", out.stdout)
         with h5py.File(self.target) as file:

@@ -1,7 +1,7 @@
 """The examples that people start from, run as they are."""
 
-import concurrent.futures
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -14,42 +14,68 @@ import numpy as np
 
 import rtbus
 from rtbus.session import find_program
+from tests.python.machine import Machine
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 CONFIG = EXAMPLES.parents[1] / "config"
 BUILT = Path(find_program()).parent
-HAND = {"haptic.0.device.hand.start_s": 4.0,  # an engine in Python has begun by then, also on a busy machine
-        "haptic.0.device.hand.speed_m_s": 0.05}
+# A hand that begins 5 mm before what it pushes: a slow way, in which a pause of the machine is a small part.
+HAND = {"haptic.0.device.hand.start_m": "[0, 0, 0.010]", "haptic.0.device.hand.speed_m_s": 0.02}
+SETTLED_S = 0.3  # after a pause: the resume ramp is over, and what was pushed has come to rest
 
 
-def push(session_file, settings, reach_m=0.02):
-    """Runs a session in which the hand pushes, until it has got so far along −z.
+class Push:
+    """A session in which the hand pushes until it has got so far along −z: what it felt while the machine did not pause."""
 
-    Returns the largest force, the mean of the force along z over the last half of the way [N], and the report.
-    """
-    session = rtbus.run(str(session_file), set={**HAND, **settings}, timeout=60)
-    try:
-        blocks, reached, end = [], 0.0, time.monotonic() + 40
-        with session.open("haptic0.telemetry", from_oldest=True) as topic:
-            while reached < reach_m:
-                if time.monotonic() > end:
-                    raise AssertionError(f"the hand got {reached} m far:\n{session.log}")
-                topic.wait(0.1)
-                block = topic.read(4096)
-                blocks.append(block)
-                reached = max(reached, -float(block["position_m"][:, 2].min(initial=0.0)))
-        ticks = np.concatenate(blocks)
-        slides = ticks["force_n"][ticks["position_m"][:, 2] < -0.5 * reach_m, 2]
-        return float(np.abs(ticks["force_n"]).max()), float(slides.mean()), session.end()
-    finally:
-        session.end()
-        session._log.close()
+    def __init__(self, session_file, settings, reach_m=0.02):
+        # An engine in Python takes seconds to begin, and ten on a full machine: the hand must wait for it.
+        for start_s in (4, 12, 40):
+            with Machine() as machine:
+                waited = self._run(session_file, {**HAND, **settings, "haptic.0.device.hand.start_s": start_s}, reach_m)
+            if waited:
+                break
+        else:
+            raise AssertionError(f"the engine had not begun after {start_s} s:\n{self.log}")
+        self.machine, self.name = machine, Path(session_file).name
+        quiet = machine.was_quiet(self._ticks["due_ns"], SETTLED_S)
+        self.force, self.z = self._ticks["force_n"][quiet], self._ticks["position_m"][quiet, 2]
+        self.slides = self.force[self.z < -0.5 * reach_m, 2]
 
+    def _run(self, session_file, settings, reach_m):
+        """@returns False: the hand moved before all nodes ran."""
+        session = rtbus.run(str(session_file), set=settings, timeout=60)
+        try:
+            blocks, reached, rests, end = [], 0.0, None, time.monotonic() + 90
+            with session.open("haptic0.telemetry") as topic:
+                while reached < reach_m:
+                    if time.monotonic() > end:
+                        raise AssertionError(f"the hand got {reached} m far:\n{session.log}")
+                    topic.wait(0.1)
+                    block = topic.read(4096)
+                    if len(block) and rests is None:
+                        rests = block["position_m"][0, 2] > 0.0099
+                        if not rests:
+                            return False
+                    blocks.append(block)
+                    reached = max(reached, -float(block["position_m"][:, 2].min(initial=0.0)))
+            self._ticks, self.report = np.concatenate(blocks), session.end()
+            return True
+        finally:
+            session.end()
+            self.log = session.log
+            session._log.close()
 
-def push_all(*sessions):
-    """Several at once: they mostly wait."""
-    with concurrent.futures.ThreadPoolExecutor() as pool:
-        return [each.result() for each in [pool.submit(push, *session) for session in sessions]]
+    @property
+    def largest(self):
+        """Force, while the machine did not pause [N]."""
+        return float(np.linalg.norm(self.force, axis=1).max(initial=0.0))
+
+    def judge_sliding(self, least, most):
+        """The force of sliding, median over the last half of the way, against its bounds [N]."""
+        if len(self.slides) < 100:  # of a second at 1 kHz
+            self.machine.judge(False, f"{self.name}: {len(self.slides)} ticks of sliding without a pause")
+        slides = float(np.median(self.slides))
+        self.machine.judge(least <= slides <= most, f"{self.name}: sliding takes {slides} N, not {least} to {most} N")
 
 
 class Examples(unittest.TestCase):
@@ -62,14 +88,14 @@ class Examples(unittest.TestCase):
     def test_own_engine_is_pushed_with_both_methods(self):
         methods = ("local_contact", "remote_virtual_coupling")
         command = f"[{BUILT / 'own_engine'}]"
-        found = push_all(*((EXAMPLES / "own_engine.yaml", {"physics.command": command, "haptic.0.method": method})
-                           for method in methods))
-        for method, (largest, _, report) in zip(methods, found):
-            print(f"own_engine, {method}: largest force {largest:.2f} N")
-            self.assertEqual(report["faults"], [])
-            self.assertEqual(report["restarts"], [])
-            self.assertGreater(largest, 0.05)
-            self.assertLess(largest, 5.0)
+        for method in methods:
+            with self.subTest(method=method):
+                push = Push(EXAMPLES / "own_engine.yaml", {"physics.command": command, "haptic.0.method": method})
+                print(f"own_engine, {method}: largest force {push.largest:.2f} N")
+                self.assertEqual(push.report["faults"], [], push.log)
+                self.assertEqual(push.report["restarts"], [], push.log)
+                self.assertLess(push.largest, 5.0)
+                push.machine.judge(push.largest > 0.05, f"{method}: the largest force is {push.largest} N")
 
     def test_mujoco_is_felt_like_bullet(self):
         if not (BUILT / "mujoco_engine").exists():
@@ -83,14 +109,18 @@ class Examples(unittest.TestCase):
             sessions.append((EXAMPLES / "python" / "mujoco_python.yaml", {"physics.command": python}, 0.025))
         except ImportError:
             print("python3-cffi is not installed: mujoco_python.py is not run")
-        found = push_all(*sessions)
+        found = [Push(*session) for session in sessions]
         friction = 0.1 * 0.5 * 9.81  # of the sliding block [N]
-        for (largest, slides, report), (file, *_) in zip(found, sessions):
-            print(f"{file.name}: largest force {largest:.3f} N, sliding {slides:.3f} N, closed form {friction:.3f} N")
-            self.assertEqual(report["faults"], [])
-            self.assertEqual(report["restarts"], [])
-            self.assertAlmostEqual(slides, friction, delta=0.15 * friction)
-        self.assertAlmostEqual(found[0][0], found[1][0], delta=0.3)
+        for push in found:
+            slides = float(np.median(push.slides)) if len(push.slides) else 0.0
+            print(f"{push.name}: largest force {push.largest:.3f} N, sliding {slides:.3f} N in {len(push.slides)} quiet ticks, "
+                  f"closed form {friction:.3f} N; {push.machine.evidence or 'no pause'}")
+            self.assertEqual(push.report["faults"], [], push.log)
+            self.assertEqual(push.report["restarts"], [], push.log)
+        for push in found:
+            push.judge_sliding(0.85 * friction, 1.15 * friction)
+        for push in found[:2]:
+            push.machine.judge(abs(found[0].largest - found[1].largest) <= 0.3, "MuJoCo and Bullet differ in the largest force")
 
     def test_a_scene_too_large_for_the_memory_is_refused_by_mujoco(self):
         if not (BUILT / "mujoco_engine").exists():
@@ -149,7 +179,11 @@ class Readers(unittest.TestCase):
             command = [sys.executable, str(EXAMPLES / "python" / "live_plot.py"), self.session.name, "--save", picture]
             out = subprocess.run(command, capture_output=True, text=True, timeout=90)
             self.assertEqual(out.returncode, 0, out.stderr)
-            self.assertIn("samples shown, 0 missed", out.stdout)
+            missed, away_s = re.search(r"samples shown, (\d+) missed, at most ([0-9.]+) s between two reads", out.stdout).groups()
+            (held,) = [each.capacity for each in self.session.topics() if each.topic == "haptic0.telemetry"]
+            if float(away_s) > 1e-3 * held - 0.1:
+                self.skipTest(f"this machine kept the reader away for {away_s} s, and the ring holds {held} ms")
+            self.assertEqual(int(missed), 0, out.stdout)
             self.assertGreater(os.path.getsize(picture), 5000)
 
 

@@ -32,20 +32,22 @@ class WallSession(unittest.TestCase):
         with self.session.open("haptic0.telemetry") as topic:
             self.assertEqual(topic.units["force_n"], "N")
             topic.wait(5)
-            used, began = time.process_time(), time.monotonic()
-            count, last = 0, None
-            for sample in topic.follow(timeout=1.0):
-                if last is not None:
+            used, count, last = time.thread_time(), 0, None
+            for sample in topic.follow(timeout=5.0):
+                if last is not None and topic.missed == 0:
                     self.assertEqual(sample["tick"], last + 1)
                 last = sample["tick"]
                 count += 1
-                if time.monotonic() - began > 3:
+                if count == 3000:
                     break
-            share = (time.process_time() - used) / (time.monotonic() - began)
-            print(f"follow(): {count} samples in 3 s at {100 * share:.1f} % of a core, {topic.missed} missed")
+            share = (time.thread_time() - used) / (1e-3 * count)  # of the time in which so many come
+            print(f"follow(): {count} samples at {100 * share:.1f} % of a core, {topic.missed} missed")
+            self.assertEqual(count, 3000)
+            (held,) = [each.capacity for each in self.session.topics() if each.topic == topic.name]
+            if topic.longest_away > 1e-3 * held - 0.1:
+                self.skipTest(f"this machine kept the reader away for {topic.longest_away} s, and the ring holds {held} ms")
             self.assertEqual(topic.missed, 0)
-            self.assertGreater(count, 500)
-            self.assertLess(share, 0.3)  # 4 % on a quiet machine (docs/python.md)
+            self.assertLess(share, 0.15)  # 4 % on a quiet machine (docs/python.md)
 
     def test_a_recording_comes_back_as_arrays(self):
         if "record" not in subprocess.run([find_program(), "--help"], capture_output=True, text=True).stdout:
@@ -63,7 +65,8 @@ class WallSession(unittest.TestCase):
             with rtbus.Recording(path) as recording:
                 self.assertEqual(recording.session, self.session.name)
                 samples = recording["haptic0.telemetry"]
-                self.assertGreater(len(samples), 500)
+                self.assertTrue(np.all(np.diff(samples["sequence"].astype(np.int64)) == 1))  # nothing is lost
+                self.assertGreater(1e-9 * float(samples["stamp_ns"][-1] - samples["stamp_ns"][0]), 0.5)
                 self.assertEqual(samples["force_n"].shape, (len(samples), 3))
                 self.assertEqual(rtbus.units(samples)["force_n"], "N")
                 self.assertTrue(np.all(np.diff(samples["tick"].astype(np.int64)) > 0))

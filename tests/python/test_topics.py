@@ -76,9 +76,11 @@ class Reading(unittest.TestCase):
     def test_latest_is_a_copy_that_stays(self):
         with rtbus.open("points", self.session) as topic:
             self.assertIsNone(topic.latest())
+            before_ns = time.monotonic_ns()
             self.writer.publish(number=1, position_m=(1, 2, 3))
+            after_ns = time.monotonic_ns()
             first = topic.latest()
-            self.assertLess(abs(topic.stamp_ns - time.monotonic_ns()), 1e9)
+            self.assertTrue(before_ns <= topic.stamp_ns <= after_ns)
             self.writer.publish(number=2)
             self.assertEqual(topic.latest()["number"], 2)
             self.assertEqual(topic.sequence, 2)
@@ -137,13 +139,16 @@ class Reading(unittest.TestCase):
         done = threading.Event()
         thread = threading.Thread(target=count)
         thread.start()
+        during = []
         with rtbus.open("points", self.session) as topic:
-            began = time.monotonic()
-            self.assertFalse(topic.wait(0.3))
-            self.assertGreaterEqual(time.monotonic() - began, 0.3)
+            for _ in range(3):  # the machine may pause in one
+                began, before = time.monotonic(), turns[0]
+                self.assertFalse(topic.wait(0.1))
+                during.append(turns[0] - before)
+                self.assertGreaterEqual(time.monotonic() - began, 0.1)
         done.set()
         thread.join()
-        self.assertGreater(turns[0], 3)  # holding the interpreter would allow one
+        self.assertGreater(max(during), 3)  # holding the interpreter would allow one each
 
     def test_a_writer_that_dies_and_returns_is_followed(self):
         session = scratch()

@@ -27,12 +27,12 @@ def main(arguments):
         matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
+    figure, (above, below) = plt.subplots(2, 1, sharex=True)  # takes its time: samples come from open() on
+    above.set_ylabel("position y [mm]")
+    below.set_xlabel("time [s]")
+    lines = above.plot([], [])[0], below.plot([], [])[0]
     with rtbus.open("haptic0.telemetry", names[0] if names else None) as topic:
-        figure, (above, below) = plt.subplots(2, 1, sharex=True)
-        above.set_ylabel("position y [mm]")
         below.set_ylabel(f"force y [{topic.units['force_n']}]")
-        below.set_xlabel("time [s]")
-        lines = above.plot([], [])[0], below.plot([], [])[0]
         kept = np.zeros((3, 0))
         for block in curves(topic, SECONDS if save else None):
             kept = np.hstack([kept, block])
@@ -44,7 +44,7 @@ def main(arguments):
         if save:
             show(lines, (above, below), kept)
             figure.savefig(save)
-        print(f"{kept.shape[1]} samples shown, {topic.missed} missed")
+        print(f"{kept.shape[1]} samples shown, {topic.missed} missed, at most {topic.longest_away:.3f} s between two reads")
 
 
 def show(lines, axes, kept):

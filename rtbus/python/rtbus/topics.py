@@ -92,6 +92,9 @@ class Topic:
         self._stamp = np.zeros((), _STAMP)
         self._latest_at, self._stamp_at = self._latest.ctypes.data, self._stamp.ctypes.data
         self._has_latest = False
+        self._read_at = time.monotonic()
+        self.longest_away: float = 0.0
+        """Longest time between two reads of blocks [s]; what is more than the ring holds is missed."""
         self.stamps: np.ndarray = np.zeros(0, _STAMP)
         """Of the last block: ``sequence`` and ``stamp_ns`` of each sample."""
 
@@ -144,6 +147,8 @@ class Topic:
         """
         block = np.empty(most, self.dtype)
         stamps = np.empty(most, _STAMP)
+        before, self._read_at = self._read_at, time.monotonic()
+        self.longest_away = max(self.longest_away, self._read_at - before)
         count = _c.check(
             _c.lib.rtbus_read_next(self._open(), block.ctypes.data, block.nbytes, stamps.ctypes.data, most)
         )

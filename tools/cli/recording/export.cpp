@@ -80,14 +80,17 @@ int cut_into_episodes(const ExportOptions& options) {
       "except ImportError as error:\n"
       "    sys.exit(f'rtbus export --episodes: {error}; install python3-rtbus and python3-h5py')\n"
       "sys.exit(rtbus.episodes.main())";
-  std::vector<std::string> words{"python3",        "-c",       finds_it,      options.file, "-o",
+  // The one that the packages are for. Python finds its packages by its own name: a short one is looked for in the
+  // PATH.
+  const char* const python = "/usr/bin/python3";
+  std::vector<std::string> words{python,           "-c",       finds_it,      options.file, "-o",
                                  options.episodes, "--haptic", options.haptic};
   if (options.button) words.insert(words.end(), {"--button", std::to_string(*options.button)});
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
-  ::execv("/usr/bin/python3", arguments.data());  // the one that the packages are for
-  std::fprintf(stderr, "rtbus export --episodes: /usr/bin/python3: %s\n", std::strerror(errno));
+  ::execv(python, arguments.data());
+  std::fprintf(stderr, "rtbus export --episodes: %s: %s\n", python, std::strerror(errno));
   return kExitFailed;
 }
 
