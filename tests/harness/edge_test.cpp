@@ -55,10 +55,10 @@ class BumpyMesh {
  public:
   BumpyMesh() : file_(std::filesystem::temp_directory_path() / ("rtbus_bumps_" + std::to_string(::getpid()) + ".obj")) {
     std::ofstream out(file_);
-    constexpr int kCells = 70;
+    constexpr int kHalf = 35, kCells = 2 * kHalf;
     for (int i = 0; i <= kCells; ++i) {
       for (int k = 0; k <= kCells; ++k) {
-        const double x = 1e-3 * (i - kCells / 2), z = 1e-3 * (k - kCells / 2);
+        const double x = 1e-3 * (i - kHalf), z = 1e-3 * (k - kHalf);
         out << "v " << x << ' ' << 1e-3 * std::sin(314.0 * x) * std::cos(150.0 * z) << ' ' << z << '\n';
       }
     }
