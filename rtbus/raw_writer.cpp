@@ -88,6 +88,33 @@ std::string not_finite(std::span<const std::byte> sample, const std::vector<Segm
   return "";
 }
 
+std::string impossible_field(std::span<const std::byte> sample, const RawType& type, std::uint64_t stamp_ns) {
+  const SaneBytes sane = rules_of(type_hash(type), type.bytes);
+  if (sane == nullptr || sample.size() != type.bytes) return "";
+  // Zero suits each count and each time, one each number: a scale is not zero.
+  std::vector<std::byte> harmless(type.bytes);
+  for (const Segment::OwnedField& field : type.fields) {
+    if (field.type != FieldType::kF64) continue;
+    constexpr double kOne = 1.0;
+    for (std::uint32_t i = 0; i < field.count; ++i) {
+      std::memcpy(harmless.data() + field.offset + sizeof kOne * i, &kOne, sizeof kOne);
+    }
+  }
+  for (const Segment::OwnedField& field : type.fields) {
+    // A text is one thing.
+    const std::size_t bytes = field.type == FieldType::kText ? field.count : field_type_bytes(field.type);
+    for (std::size_t at = 0; at < std::size_t{field.count} * field_type_bytes(field.type); at += bytes) {
+      std::vector<std::byte> tried = harmless;
+      std::copy_n(sample.begin() + static_cast<std::ptrdiff_t>(field.offset + at), bytes,
+                  tried.begin() + static_cast<std::ptrdiff_t>(field.offset + at));
+      if (sane(tried.data(), stamp_ns)) continue;
+      return field.count == 1 || bytes == field.count ? field.name
+                                                      : field.name + "[" + std::to_string(at / bytes) + "]";
+    }
+  }
+  return "";
+}
+
 Result<RawWriter::End, TopicError> RawWriter::open() const {
   const std::vector<Field> fields = views_of(type_);
   auto segment = Segment::create(session_, topic_, {type_.name, type_.bytes, type_hash(type_), fields},

@@ -32,6 +32,11 @@ struct RawType {
 /// The first field of `sample` with a number that is not finite, as "position_m[1]"; empty: there is none.
 [[nodiscard]] std::string not_finite(std::span<const std::byte> sample, const std::vector<Segment::OwnedField>& fields);
 
+/// The first field of a sample of a known type that its rules refuse for itself, as not_finite() names it; empty: none
+/// does, or the type is not known. Each field is tried among harmless others.
+[[nodiscard]] std::string impossible_field(std::span<const std::byte> sample, const RawType& type,
+                                           std::uint64_t stamp_ns);
+
 /// The writing end. Movable, not copyable. One thread. A topic whose file was deleted or shortened is made anew, as a
 /// Publication does; publish() and observed() look after it themselves, every kLook_ns. @realtime No.
 class RawWriter {

@@ -24,6 +24,11 @@ void check(const std::string& whose, const char* field, double value, double mos
   const std::string name = whose + field + (index < 0 ? "" : "[" + std::to_string(index) + "]");
   throw Refused{name + " = " + std::to_string(value) + (std::isfinite(value) ? " is impossible" : " is not finite")};
 }
+/// What is never below zero: a mass, a coefficient of friction.
+void check_not_negative(const std::string& whose, const char* field, double value, double most) {
+  check(whose, field, value, most);
+  if (value < 0.0) throw Refused{whose + field + " = " + std::to_string(value) + " is negative"};
+}
 template <std::size_t N>
 void check(const std::string& whose, const char* field, const double (&values)[N], double most) {
   for (std::size_t i = 0; i < N; ++i) check(whose, field, values[i], most, static_cast<int>(i));
@@ -114,9 +119,12 @@ int rtbus_engine_set_body(rtbus_engine* engine, uint32_t body, const rtbus_engin
     check(whose, "external_torque_n_m", given.external_torque_n_m, kMostForce_n);
     check(whose, "friction_force_n", given.friction_force_n, kMostForce_n);
     check(whose, "friction_torque_n_m", given.friction_torque_n_m, kMostForce_n);
-    check(whose, "friction_bound_n", given.friction_bound_n, kMostForce_n);
-    check(whose, "inertia_kg_m2", given.inertia_kg_m2, kMostForce_n);
-    check(whose, "mass_kg", given.mass_kg, kMostForce_n);
+    check_not_negative(whose, "friction_bound_n", given.friction_bound_n, kMostForce_n);
+    for (int i = 0; i < 3; ++i) {
+      const std::string field = "inertia_kg_m2[" + std::to_string(i) + "]";
+      check_not_negative(whose, field.c_str(), given.inertia_kg_m2[i], kMostForce_n);
+    }
+    check_not_negative(whose, "mass_kg", given.mass_kg, kMostForce_n);
     physics::ExternalBody made;
     made.pose = {vector_of(given.position_m), rotation_of(whose, given.orientation_wxyz)};
     made.mass_kg = given.mass_kg;
@@ -189,7 +197,7 @@ int rtbus_engine_add_contact(rtbus_engine* engine, uint32_t hand, const rtbus_en
     check_body(*engine, whose, given.body);
     check(whose, "point_m", given.point_m, kFarthest_m);
     check(whose, "gap_m", given.gap_m, kFarthest_m);
-    check(whose, "friction", given.friction, kMostForce_n);
+    check_not_negative(whose, "friction", given.friction, kMostForce_n);
     check(whose, "curvature_per_m", given.curvature_per_m, kMostForce_n);
     physics::Contact made;
     made.row = given.body;
@@ -211,9 +219,9 @@ int rtbus_engine_add_support(rtbus_engine* engine, const rtbus_engine_support* s
     check_body(*engine, whose, given.body);
     check(whose, "point_m", given.point_m, kFarthest_m);
     check(whose, "force_n", given.force_n, kMostForce_n);
-    check(whose, "friction", given.friction, kMostForce_n);
+    check_not_negative(whose, "friction", given.friction, kMostForce_n);
     check(whose, "surface_velocity_m_s", given.surface_velocity_m_s, kFastest_m_s);
-    check(whose, "inverse_mass_per_kg", given.inverse_mass_per_kg, kMostForce_n);
+    check_not_negative(whose, "inverse_mass_per_kg", given.inverse_mass_per_kg, kMostForce_n);
     if (given.force_n <= 0.0) throw Refused{whose + "force_n must be above 0"};
     physics::Support made;
     made.point_m = vector_of(given.point_m);

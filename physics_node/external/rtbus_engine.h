@@ -17,8 +17,12 @@
 /// An engine that gives the tool only serves the methods remote_virtual_coupling, interpolation and
 /// interpolation_predicted. One that also gives bodies and contacts (`gives`) serves local_contact.
 ///
-/// Frame W: right-handed, y up. SI units. Quaternions are (w, x, y, z). One thread per engine, one engine per process.
-/// Statuses, sentences and `struct_bytes` as in rtbus.h; rtbus_engine_last_error() has the sentence.
+/// Frame W: right-handed, y up. SI units. Quaternions are (w, x, y, z). One engine per process.
+///
+/// Threads: the library has threads of its own, which keep time, read the hands and beat. They never call the program.
+/// The engine belongs to one thread of the program at a time; each function says after @thread from where it may be
+/// called. A world with threads of its own collects their results before finish(). After fork() only the parent goes
+/// on. Statuses, sentences and `struct_bytes` as in rtbus.h; rtbus_engine_last_error() has the sentence.
 #ifndef RTBUS_ENGINE_H
 #define RTBUS_ENGINE_H
 
@@ -64,14 +68,18 @@ typedef struct rtbus_engine_options {
 } rtbus_engine_options;
 
 /// Opens the engine's end of a session. @param options Null: as if all zero.
+/// @thread Any; all other calls come from one thread at a time from then on: the engine's.
 RTBUS_ENGINE_API int rtbus_engine_open(const rtbus_engine_options* options, rtbus_engine** out);
 
 /// Ends: the last heartbeat says so, the topics go. Null is allowed.
+/// @thread The engine's.
 RTBUS_ENGINE_API void rtbus_engine_close(rtbus_engine* engine);
 
 /// The sentence of this thread's last failed call. Never null.
+/// @thread Any; each thread has its own sentence.
 RTBUS_ENGINE_API const char* rtbus_engine_last_error(void);
 
+/// @thread Any.
 RTBUS_ENGINE_API uint32_t rtbus_engine_abi_version(void);
 
 /// The session as the engine has it.
@@ -83,6 +91,7 @@ typedef struct rtbus_engine_info {
   uint32_t hands;
   uint32_t bodies;
 } rtbus_engine_info;
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_get_info(const rtbus_engine* engine, rtbus_engine_info* out);
 
 typedef struct rtbus_engine_step {
@@ -95,6 +104,7 @@ typedef struct rtbus_engine_step {
 
 /// Sleeps until a step is due, at most 0.1 s, and takes what the hands have done. RTBUS_ENGINE_E_ENDED: time to close.
 /// A step that was begun and not finished is given again.
+/// @thread The engine's, which sleeps.
 RTBUS_ENGINE_API int rtbus_engine_begin(rtbus_engine* engine, rtbus_engine_step* out);
 
 /// What a hand's tool does in this step.
@@ -132,6 +142,7 @@ typedef struct rtbus_engine_hand {
   rtbus_engine_push push[RTBUS_ENGINE_PUSHES];
 } rtbus_engine_hand;
 /// Before the first step: name, mass_kg, radius_m, friction and contact_reach_m; the tool is away.
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_get_hand(rtbus_engine* engine, uint32_t hand, rtbus_engine_hand* out);
 
 /// The tool after the step.
@@ -148,6 +159,7 @@ typedef struct rtbus_engine_tool {
 } rtbus_engine_tool;
 
 /// Each hand with RTBUS_TOOL_SPRING needs this in each step; others keep what they had.
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_set_tool(rtbus_engine* engine, uint32_t hand, const rtbus_engine_tool* tool);
 
 enum { RTBUS_BODY_STATIC = 0, RTBUS_BODY_KINEMATIC = 1, RTBUS_BODY_DYNAMIC = 2 };
@@ -169,6 +181,7 @@ typedef struct rtbus_engine_body {
   double friction_torque_n_m[3];
   double friction_bound_n;  ///< Upper bound of this friction: the sum of μ·N.
 } rtbus_engine_body;
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_set_body(rtbus_engine* engine, uint32_t body, const rtbus_engine_body* state);
 
 /// What a body looks like, for viewers. Planes (y = 0), capsules and cylinders stand along y of the shape's frame.
@@ -192,9 +205,11 @@ typedef struct rtbus_engine_shape {
 /// Adds a shape to a body; it may have several, or none. Once is enough: in the first step, or when the world changes.
 /// finish() publishes the table, with an epoch and a hash, when it has changed: topic `physics.body_shapes`. Viewers
 /// then show these bodies and not the scene file's. At most 1024 shapes.
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_add_shape(rtbus_engine* engine, uint32_t body, const rtbus_engine_shape* shape);
 
 /// Forgets all shapes. With no others added, viewers show nothing.
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_clear_shapes(rtbus_engine* engine);
 
 /// A place where a tool touches a body, or may soon: after the step.
@@ -210,6 +225,7 @@ typedef struct rtbus_engine_contact {
 } rtbus_engine_contact;
 
 /// Adds a contact of this step; there may be none. Of more than 16 the nearest are used.
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_add_contact(rtbus_engine* engine, uint32_t hand, const rtbus_engine_contact* contact);
 
 /// Another body that holds one up: after the step, with a force > 0.
@@ -224,10 +240,12 @@ typedef struct rtbus_engine_support {
   double surface_velocity_m_s[3];  ///< Of what holds, at the point.
   double inverse_mass_per_kg;      ///< Of what holds; 0: no force moves it.
 } rtbus_engine_support;
+/// @thread The engine's.
 RTBUS_ENGINE_API int rtbus_engine_add_support(rtbus_engine* engine, const rtbus_engine_support* support);
 
 /// Publishes the step. RTBUS_ENGINE_E_VALUE: a number is not finite, impossible, or a spring's tool was not set; the
 /// sentence names it, and nothing was published. Set it right and call again, or leave: the force fades by itself.
+/// @thread The engine's. Does not wait for readers.
 RTBUS_ENGINE_API int rtbus_engine_finish(rtbus_engine* engine);
 
 #ifdef __cplusplus

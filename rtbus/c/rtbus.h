@@ -8,9 +8,9 @@
 /// Structures that the library fills or reads begin with `struct_bytes`: set it to sizeof before the call. A newer
 /// library fills no more than that, and takes what an older caller does not have as zero.
 ///
-/// Threads: a handle belongs to one thread at a time; different handles may be used at once. Functions without a handle
-/// may be called from any thread. After fork() the handles of the parent must not be used in the child: its topics stay
-/// the parent's.
+/// Threads: a handle belongs to one thread at a time; different handles may be used at once. Each function says after
+/// @thread from where it may be called; "the handle's" means from one thread at a time. After fork() the handles of the
+/// parent must not be used in the child: its topics stay the parent's.
 #ifndef RTBUS_C_RTBUS_H
 #define RTBUS_C_RTBUS_H
 
@@ -54,19 +54,24 @@ typedef enum rtbus_status {
 } rtbus_status;
 
 /// One sentence for people; never null. Any thread.
+/// @thread Any.
 RTBUS_API const char* rtbus_strerror(int status);
 
 /// What this thread's last failed call has to say: names the thing, the value and the remedy. Never null; valid until
 /// the thread's next call.
+/// @thread Any; each thread has its own.
 RTBUS_API const char* rtbus_last_error(void);
 
 /// RTBUS_C_ABI_VERSION of the library that was loaded.
+/// @thread Any.
 RTBUS_API uint32_t rtbus_abi_version(void);
 
 /// Version of the project, "0.3.0".
+/// @thread Any.
 RTBUS_API const char* rtbus_version(void);
 
 /// Now, on the clock of all stamps: CLOCK_MONOTONIC [ns].
+/// @thread Any.
 RTBUS_API uint64_t rtbus_now_ns(void);
 
 // --- types of samples ------------------------------------------------------------------------------------------------
@@ -103,9 +108,11 @@ typedef struct rtbus_type {
 
 /// A type that the nodes exchange, by its name, for example "rtbus/DeviceState". The same as C structures:
 /// rtbus_messages.h. The fields live as long as the library. RTBUS_E_NOT_FOUND: there is none of that name.
+/// @thread Any.
 RTBUS_API int rtbus_known_type(const char* name, rtbus_type* out);
 
 /// Names of the known types: the i-th, or null beyond the last.
+/// @thread Any.
 RTBUS_API const char* rtbus_known_type_name(size_t i);
 
 // --- sessions and topics ---------------------------------------------------------------------------------------------
@@ -126,6 +133,7 @@ typedef struct rtbus_topic_info {
 
 /// Topics of one session, or of all (null), sorted. Fills at most `capacity` entries of `entry_bytes` each (write
 /// sizeof(rtbus_topic_info)). @returns how many topics there are, which may be more than `capacity`; < 0: failed.
+/// @thread Any.
 RTBUS_API int rtbus_list(const char* session, rtbus_topic_info* out, size_t entry_bytes, size_t capacity);
 
 /// A node of a session, by its heartbeat.
@@ -141,6 +149,7 @@ typedef struct rtbus_node {
 } rtbus_node;
 
 /// The nodes of a session; counts and sizes as in rtbus_list(). RTBUS_E_NOT_FOUND: the session has no heartbeat.
+/// @thread Any.
 RTBUS_API int rtbus_session_nodes(const char* session, rtbus_node* out, size_t entry_bytes, size_t capacity);
 
 // --- reading ---------------------------------------------------------------------------------------------------------
@@ -160,34 +169,43 @@ typedef struct rtbus_stamp {
 } rtbus_stamp;
 
 /// Opens a topic for reading. @param flags RTBUS_PRESENCE and so on, or'ed.
+/// @thread Any; the handle belongs to one thread at a time from then on.
 RTBUS_API int rtbus_reader_open(const char* session, const char* topic, uint32_t flags, rtbus_reader** out);
 
 /// Closes; null is allowed. The topic stays.
+/// @thread Any, when no other thread uses the handle.
 RTBUS_API void rtbus_reader_close(rtbus_reader* reader);
 
 /// Type of the samples. The fields live as long as the reader.
+/// @thread The handle's.
 RTBUS_API int rtbus_reader_type(const rtbus_reader* reader, rtbus_type* out);
 
 /// Copies the newest sample. @param out `bytes` must be those of the type. @param stamp May be null.
 /// @returns RTBUS_FRESH, RTBUS_SAME, RTBUS_LAPPED or RTBUS_REFUSED. @realtime Yes: no system call, no lock.
+/// @thread The handle's.
 RTBUS_API int rtbus_read_latest(rtbus_reader* reader, void* out, size_t bytes, rtbus_stamp* stamp);
 
 /// Copies the samples after the one read before, in order, at most `capacity`, into the array `out` of `bytes` bytes.
 /// @param stamps Null, or room for `capacity`. @returns how many; 0: nothing new. @realtime Yes, as above.
+/// @thread The handle's.
 RTBUS_API int rtbus_read_next(rtbus_reader* reader, void* out, size_t bytes, rtbus_stamp* stamps, size_t capacity);
 
 /// Sleeps until a sample newer than the last one read is there, or until `deadline_ns` of rtbus_now_ns(). Follows a
 /// topic that was made anew. A signal does not end it. @returns RTBUS_FRESH; RTBUS_SAME: the deadline has passed;
 /// RTBUS_E_LAYOUT: a new writer has brought another type. @realtime No.
+/// @thread The handle's, which sleeps. Nothing else wakes it.
 RTBUS_API int rtbus_wait(rtbus_reader* reader, uint64_t deadline_ns);
 
 /// Samples that rtbus_read_next() lost because it was overtaken, or passed over because they were not sane [count].
+/// @thread The handle's.
 RTBUS_API uint64_t rtbus_missed(const rtbus_reader* reader);
 
 /// Samples that were not sane [count].
+/// @thread The handle's.
 RTBUS_API uint64_t rtbus_refused(const rtbus_reader* reader);
 
 /// 1 while the writer's process lives and keeps the topic, else 0. @realtime No.
+/// @thread The handle's.
 RTBUS_API int rtbus_writer_alive(const rtbus_reader* reader);
 
 // --- publishing ------------------------------------------------------------------------------------------------------
@@ -203,18 +221,22 @@ typedef struct rtbus_writer_options {
 } rtbus_writer_options;
 
 /// Creates a topic, or takes it over when its writer has died. @param options Null: as if all zero.
+/// @thread Any; the handle belongs to one thread at a time from then on.
 RTBUS_API int rtbus_writer_create(const char* session, const char* topic, const rtbus_type* type,
                                   const rtbus_writer_options* options, rtbus_writer** out);
 
 /// Ends the topic; null is allowed.
+/// @thread Any, when no other thread uses the handle.
 RTBUS_API void rtbus_writer_close(rtbus_writer* writer);
 
 /// Publishes one sample. @param stamp_ns Time that it belongs to; 0: now. RTBUS_E_VALUE: a number is not finite, or
 /// impossible for a known type; rtbus_last_error() names the field. @realtime No: looks after the topic's file every
 /// 20 ms.
+/// @thread The handle's.
 RTBUS_API int rtbus_publish(rtbus_writer* writer, const void* sample, size_t bytes, uint64_t stamp_ns);
 
 /// 1 while a reader with RTBUS_PRESENCE looks, else 0. @realtime No.
+/// @thread The handle's.
 RTBUS_API int rtbus_observed(rtbus_writer* writer);
 
 // --- orders ----------------------------------------------------------------------------------------------------------
@@ -222,19 +244,24 @@ RTBUS_API int rtbus_observed(rtbus_writer* writer);
 /// Sends an order to the `rtbus run` of a session: a JSON object as docs/orders.md lists them. The answer, another JSON
 /// object, is copied into `answer` with a zero byte behind it. @param patience_s Waits so long for it.
 /// RTBUS_E_NOT_FOUND: no `rtbus run` serves this session; RTBUS_E_TIMEOUT: no answer; RTBUS_E_ORDER: it refused.
+/// @thread Any, which waits for the answer.
 RTBUS_API int rtbus_order(const char* session, const char* order, char* answer, size_t answer_bytes, double patience_s);
 
 /// Zero force in all haptic nodes of the session, held. @param reason For people; null: none.
 /// **No substitute for a switch in the supply of the device.**
+/// @thread Any, which waits for the answer.
 RTBUS_API int rtbus_estop(const char* session, const char* reason);
 
 /// Allows force again after an E-stop.
+/// @thread Any, which waits for the answer.
 RTBUS_API int rtbus_rearm(const char* session);
 
 /// Changes a key that the session lists as adjustable, for example "haptic0.coupling.stiffness_n_per_m".
+/// @thread Any, which waits for the answer.
 RTBUS_API int rtbus_adjust(const char* session, const char* key, double value);
 
 /// Notes an event in the recordings under way.
+/// @thread Any, which waits for the answer.
 RTBUS_API int rtbus_mark(const char* session, const char* text);
 
 #ifdef __cplusplus

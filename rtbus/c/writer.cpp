@@ -2,6 +2,8 @@
 #include <cstring>
 #include <memory>
 #include <optional>
+#include <span>
+#include <string>
 
 #include "rtbus/c/detail/boundary.hpp"
 #include "rtbus/clock.hpp"
@@ -43,6 +45,23 @@ rtbus_writer_options options_of(const rtbus_writer_options* given) {
   if (out.capacity == 0) out.capacity = rtbus::WriterOptions{}.capacity;
   if (out.mode == 0) out.mode = 0600;
   return out;
+}
+
+std::string milliseconds(std::uint64_t ns) { return std::to_string(ns / rtbus::kNsPerMs) + " ms"; }
+
+/// A sample that was not published: the field, and what is wrong with it.
+std::string why_refused(std::span<const std::byte> sample, const rtbus::RawType& type, std::uint64_t stamp_ns) {
+  if (const std::string field = rtbus::not_finite(sample, type.fields); !field.empty()) return field + " is not finite";
+  const std::string field = rtbus::impossible_field(sample, type, stamp_ns);
+  for (const auto& each : type.fields) {
+    if (each.name != field || each.type != rtbus::FieldType::kU64) continue;
+    std::uint64_t value = 0;
+    std::memcpy(&value, sample.data() + each.offset, sizeof value);
+    if (each.unit != "ns" || value <= stamp_ns) break;
+    return field + " lies " + milliseconds(value - stamp_ns) + " after the sample's own stamp: in the future";
+  }
+  if (!field.empty()) return field + " is impossible in a " + type.name;
+  return "the fields of this " + type.name + " do not fit together (a row that names no other row)";
 }
 
 }  // namespace
@@ -91,14 +110,15 @@ int rtbus_publish(rtbus_writer* writer, const void* sample, size_t bytes, uint64
       return fail(RTBUS_E_ARGUMENT, "topic " + writer->topic + ": a sample of " + std::to_string(bytes) +
                                         " bytes, and a " + type.name + " has " + std::to_string(type.bytes));
     }
-    if (writer->writer.publish(sample, stamp_ns == 0 ? rtbus::monotonic_ns() : stamp_ns)) return RTBUS_OK;
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    if (stamp_ns > now_ns + rtbus::kMaxAhead_ns) {
+      return fail(RTBUS_E_VALUE, "topic " + writer->topic + ": stamp_ns lies " + milliseconds(stamp_ns - now_ns) +
+                                     " in the future; give 0, or a time of rtbus_now_ns()");
+    }
+    const std::uint64_t stamped_ns = stamp_ns == 0 ? now_ns : stamp_ns;
+    if (writer->writer.publish(sample, stamped_ns)) return RTBUS_OK;
     const std::span all(static_cast<const std::byte*>(sample), bytes);
-    const std::string field = rtbus::not_finite(all, type.fields);
-    return fail(RTBUS_E_VALUE, "topic " + writer->topic + ": " +
-                                   (field.empty() ? "a value of this " + type.name +
-                                                        " is impossible (a count beyond its array, a time in the "
-                                                        "future, a length no world has)"
-                                                  : field + " is not finite"));
+    return fail(RTBUS_E_VALUE, "topic " + writer->topic + ": " + why_refused(all, type, stamped_ns));
   });
 }
 

@@ -1,52 +1,35 @@
 // Through the interface of external engines nothing of the force is lost: Bullet behind it, beside Bullet in the node.
 #include <cstdio>
-#include <memory>
+#include <utility>
 
 #include <gtest/gtest.h>
 
-#include "tests/harness/outside_world.hpp"
-#include "tools/evaluation/work_precision/work_precision.hpp"
+#include "tests/support/temporary_file.hpp"
+#include "tools/evaluation/bench/external_force.hpp"
 
 namespace {
 
-tools::PrecisionTrace run_outside(const tools::PrecisionScene& scene, const tools::PrecisionCell& cell) {
-  std::vector<rtbus::config::Override> overrides;
-  for (const std::string& text : tools::assignments_of(scene, cell)) {
-    overrides.push_back(rtbus::config::parse_override(text));
-  }
-  auto session = rtbus::config::load_session(scene.session_file, overrides);
-  tools::HarnessOptions options;
-  options.around_world = [](std::unique_ptr<physics::World> world) -> std::unique_ptr<physics::World> {
-    return std::make_unique<tests::OutsideWorld>(std::move(world));
-  };
-  tools::Harness harness(session, options);
-  tools::PrecisionTrace trace;
-  const auto axis = static_cast<std::size_t>(scene.axis);
-  harness.run(scene.until_s, [&](const rtbus::Telemetry& tick) {
-    trace.time_s.push_back(harness.now_s());
-    trace.position_m.push_back(tick.position_m[axis]);
-    trace.force_n.push_back(tick.force_n[axis]);
-  });
-  return trace;
-}
-
 TEST(ExternalEngine, FreeBlockIsFeltAsWithTheEngineInTheNode) {
   if (!RTBUS_WITH_BULLET) GTEST_SKIP() << "needs Bullet";
-  tools::WorkPrecisionOptions options;
-  options.block_file = RTBUS_SOURCE_DIR "/config/free_block.yaml";
-  const tools::PrecisionScene scene = tools::block_scene(options);
-  const tools::PrecisionTrace truth = tools::nearly_continuous(scene, 10000.0);
-  for (const std::string method : {"local_contact", "remote_virtual_coupling"}) {
-    for (const double rate_hz : {18.0, 43.0, 100.0}) {
-      const tools::PrecisionCell cell{method, rate_hz};
-      const auto inside = tools::error_of(tools::run_precisely(scene, cell), scene, tools::reference_of(truth));
-      const auto outside = tools::error_of(run_outside(scene, cell), scene, tools::reference_of(truth));
-      std::printf("%s, %g Hz: force error %.2f mN RMS in the node, %.2f mN outside\n", method.c_str(), rate_hz,
-                  1e3 * inside.force_rms_n, 1e3 * outside.force_rms_n);
-      EXPECT_LE(outside.force_rms_n, std::max(1.05 * inside.force_rms_n, inside.force_rms_n + 0.005))
-          << method << ' ' << rate_hz;
-    }
+  const auto forces = tools::external_forces(RTBUS_SOURCE_DIR "/config/free_block.yaml");
+  ASSERT_EQ(forces.size(), 6U) << "two methods at 18, 43 and 100 Hz";
+  for (const tools::ExternalForce& force : forces) {
+    std::printf("%s, %g Hz: force error %.2f mN RMS in the node, %.2f mN outside\n", force.method.c_str(),
+                force.rate_hz, 1e3 * force.inside_n, 1e3 * force.outside_n);
+    EXPECT_GT(force.inside_n, 0.0);
+    EXPECT_LE(force.outside_n, force.most_n()) << force.method << ' ' << force.rate_hz;
   }
+}
+
+TEST(ExternalEngine, TheBenchFailsWhenTheForceIsWorseThanItsBar) {
+  using tools::Verdict;
+  for (const auto& [outside_n, verdict] : {std::pair{0.0449, Verdict::kPass}, std::pair{0.0451, Verdict::kFail}}) {
+    const tests::TemporaryFolder folder;
+    tools::Experiment experiment("bench", "external", "rtbus bench external", folder.path());
+    tools::check_external_forces({{"local_contact", 18.0, 0.040, outside_n}}, experiment);
+    EXPECT_EQ(experiment.verdict(), verdict) << outside_n;
+  }
+  EXPECT_DOUBLE_EQ((tools::ExternalForce{"", 18.0, 0.2, 0.0}.most_n()), 0.21);
 }
 
 }  // namespace

@@ -99,6 +99,7 @@ class Machine:
         if holds:
             return
         if evidence := self.evidence:
-            print(f"NOT JUDGED: {what}; {evidence}", flush=True)
-            raise unittest.SkipTest(f"{what}; {evidence}")
+            said = f"{what.splitlines()[0]} {evidence}"  # without the log
+            print(f"NOT JUDGED: {said}", flush=True)
+            raise unittest.SkipTest(said)
         raise AssertionError(what)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 ABI_VERSION = 1
 SONAME = "librtbus.so.1"
@@ -194,7 +196,7 @@ _SIGNATURES = {
 }
 
 
-def declare(library: ctypes.CDLL, signatures: dict) -> None:
+def declare(library: ctypes.CDLL, signatures: Mapping[str, tuple[Any, list[Any]]]) -> None:
     """Gives the functions their types. ctypes releases the GIL during each call."""
     for name, (result, arguments) in signatures.items():
         function = getattr(library, name)

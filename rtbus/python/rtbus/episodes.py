@@ -10,10 +10,14 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .recording import Recording
+
+if TYPE_CHECKING:
+    import h5py
 
 SCHEMA = "rtbus-episodes/1"
 _ACTIONS = ("position_m", "velocity_m_s", "buttons")
@@ -37,7 +41,7 @@ def spans_of_marks(recording: Recording) -> list[Span]:
 
 
 def spans_of_button(samples: np.ndarray, button: int) -> list[Span]:
-    """While the button is held."""
+    """While the button is held. ``samples``: shape (ticks,), of the telemetry."""
     held = (samples["buttons"] >> np.uint32(button)) & 1 == 1
     edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(np.int8)))
     stamps = samples["stamp_ns"]
@@ -47,7 +51,7 @@ def spans_of_button(samples: np.ndarray, button: int) -> list[Span]:
 
 
 def bodies_over_time(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """(stamps [ns], positions (frames, bodies, 3), orientations (frames, bodies, 4)); None: they were not recorded."""
+    """(stamps (frames,) [ns], positions (frames, bodies, 3) [m], orientations (frames, bodies, 4)); None: not recorded."""
     if "physics.body_poses" not in recording.topics:
         return None
     samples = recording["physics.body_poses"]
@@ -65,8 +69,13 @@ def bodies_over_time(recording: Recording) -> tuple[np.ndarray, np.ndarray, np.n
     return samples["stamp_ns"][first][whole].astype(np.int64), positions[whole], turns[whole]
 
 
-def write_episode(group, samples: np.ndarray, bodies, units: dict[str, str]) -> None:
-    """One episode: a row per tick of the haptic loop."""
+def write_episode(
+    group: h5py.Group,
+    samples: np.ndarray,
+    bodies: tuple[np.ndarray, np.ndarray, np.ndarray] | None,
+    units: dict[str, str],
+) -> None:
+    """One episode: a row per tick of the haptic loop. ``samples``: shape (ticks,); ``bodies``: of bodies_over_time()."""
     stamps = samples["stamp_ns"].astype(np.int64)
     group.attrs["num_samples"] = len(samples)
     group.create_dataset("time_s", data=1e-9 * (stamps - stamps[0])).attrs["unit"] = "s"

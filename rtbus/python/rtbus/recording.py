@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from types import TracebackType
 
 import numpy as np
 
@@ -16,14 +18,14 @@ class Mark:
 
 
 class Recording:
-    """A recording, open for reading; also one that was cut off.
+    """A recording, open for reading; also one that was cut off. One thread at a time.
 
         with rtbus.Recording("trial1.h5") as recording:
             samples = recording["haptic0.telemetry"]
             samples["stamp_ns"], samples["force_n"], rtbus.units(samples)["force_n"]
     """
 
-    def __init__(self, path: str):
+    def __init__(self, path: str | os.PathLike[str]) -> None:
         try:
             import h5py
         except ImportError:
@@ -59,7 +61,7 @@ class Recording:
         return int(self._file.attrs["started_monotonic_ns"])
 
     def __getitem__(self, topic: str) -> np.ndarray:
-        """All samples of a topic as a structured array, with the fields ``sequence`` and ``stamp_ns`` before its own."""
+        """All samples of a topic: shape (samples,), with the fields ``sequence`` and ``stamp_ns`` [ns] before its own."""
         if topic not in self._file["topics"]:
             raise KeyError(f"{self.path} has no topic '{topic}'; it has {', '.join(self.topics)}")
         group = self._file["topics"][topic]
@@ -78,7 +80,7 @@ class Recording:
         return out
 
     def seconds(self, topic: str) -> np.ndarray:
-        """Stamps of a topic's samples in seconds since the recording began."""
+        """Stamps of a topic's samples: shape (samples,), seconds since the recording began."""
         return 1e-9 * (self._file["topics"][topic]["stamp_ns"][:].astype(np.int64) - self.started_monotonic_ns)
 
     def close(self) -> None:
@@ -88,9 +90,11 @@ class Recording:
     def __enter__(self) -> Recording:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
-def _text(value) -> str:
+def _text(value: object) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)

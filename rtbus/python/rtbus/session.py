@@ -1,4 +1,8 @@
-"""Sessions: their nodes, and `rtbus run` from Python."""
+"""Sessions: their nodes, and `rtbus run` from Python.
+
+Threads: the functions may be called from any thread; orders wait for their answer, for a second at most, and other Python
+threads run meanwhile. A Session belongs to one thread at a time.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
 
 from . import _library as _c
 from .topics import Topic, TopicInfo, open, topics
@@ -74,7 +80,7 @@ def mark(session: str, text: str) -> None:
     _c.check(_c.lib.rtbus_mark(session.encode(), text.encode()))
 
 
-def orders(session: str) -> dict:
+def orders(session: str) -> dict[str, Any]:
     """State of the orders: E-stop, reason, and what is adjustable with its value and limit (docs/orders.md)."""
     answer = ctypes.create_string_buffer(4097)
     _c.check(_c.lib.rtbus_order(session.encode(), b'{"order":"state"}', answer, len(answer), 1.0))
@@ -94,12 +100,12 @@ def find_program() -> str:
 
 
 class Session:
-    """A session that :func:`run` started. Ends it when the block ends."""
+    """A session that :func:`run` started. Ends it when the block ends. One thread at a time."""
 
-    def __init__(self, process: subprocess.Popen, name: str, report_file: str, log):
+    def __init__(self, process: subprocess.Popen[bytes], name: str, report_file: str, log: IO[str]) -> None:
         self.name, self._process, self._report_file, self._log = name, process, report_file, log
 
-    def open(self, topic: str, **options) -> Topic:
+    def open(self, topic: str, **options: Any) -> Topic:
         """As :func:`rtbus.open`, in this session."""
         return open(topic, self.name, **options)
 
@@ -127,7 +133,7 @@ class Session:
         """As :func:`rtbus.mark`."""
         mark(self.name, text)
 
-    def orders(self) -> dict:
+    def orders(self) -> dict[str, Any]:
         """As :func:`rtbus.orders`."""
         return orders(self.name)
 
@@ -143,10 +149,13 @@ class Session:
         return Path(self._log.name).read_text(errors="replace")
 
     def wait(self, timeout: float | None = None) -> int:
-        """Waits for the session to end by itself (``duration``). Returns the exit status of `rtbus run`."""
+        """Waits for the session to end by itself (``duration``), at most ``timeout`` seconds.
+
+        Returns the exit status of `rtbus run`. Raises subprocess.TimeoutExpired.
+        """
         return self._process.wait(timeout)
 
-    def end(self, timeout: float = 20.0) -> dict:
+    def end(self, timeout: float = 20.0) -> dict[str, Any]:
         """Ends the session as Ctrl-C does: forces go to zero, then the nodes end. Returns the report."""
         if self.running:
             self._process.send_signal(signal.SIGINT)
@@ -157,7 +166,7 @@ class Session:
             self._process.wait()
         return self.report()
 
-    def report(self) -> dict:
+    def report(self) -> dict[str, Any]:
         """The report of a session that has ended (docs/monitoring.md); empty when it failed before it ran."""
         try:
             return json.loads(Path(self._report_file).read_text())
@@ -167,7 +176,9 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.end()
         self._log.close()
 
@@ -228,5 +239,5 @@ def _all_run(session: str) -> bool:
     return bool(needed) and all(name in found and found[name].state == "running" for name in needed)
 
 
-def _log_file(folder: str):
+def _log_file(folder: str) -> IO[str]:
     return tempfile.NamedTemporaryFile("w", dir=folder, prefix="log-", delete=False)

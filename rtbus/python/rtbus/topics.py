@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-import time
+from types import TracebackType
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class TopicInfo:
 
 
 def topics(session: str | None = None) -> list[TopicInfo]:
-    """All topics, or those of one session, sorted."""
+    """All topics, or those of one session, sorted. Any thread."""
     wanted = None if session is None else session.encode()
     count = _c.check(_c.lib.rtbus_list(wanted, None, 0, 0))
     entries = (_c.Topic * (count + 16))()  # some may have come meanwhile
@@ -72,13 +73,13 @@ def the_session(name: str | None) -> str:
 
 
 class Topic:
-    """The reading end of a topic; made by :func:`open`. One thread at a time.
+    """The reading end of a topic; made by :func:`open`. One thread at a time; others run while it waits.
 
     While it is open with ``presence`` the node knows that somebody looks, and publishes what it leaves out otherwise
     (telemetry, poses of bodies).
     """
 
-    def __init__(self, session: str, name: str, presence: bool, from_oldest: bool, any_owner: bool):
+    def __init__(self, session: str, name: str, presence: bool, from_oldest: bool, any_owner: bool) -> None:
         self.session, self.name = session, name
         flags = _PRESENCE * presence + _FROM_OLDEST * from_oldest + _ANY_OWNER * any_owner
         handle = ctypes.c_void_p()
@@ -96,12 +97,27 @@ class Topic:
         self.longest_away: float = 0.0
         """Longest time between two reads of blocks [s]; what is more than the ring holds is missed."""
         self.stamps: np.ndarray = np.zeros(0, _STAMP)
-        """Of the last block: ``sequence`` and ``stamp_ns`` of each sample."""
+        """Of the last block, shape (count,): ``sequence`` from 1, and ``stamp_ns`` [ns], of each sample."""
 
-    dtype = property(lambda self: self.type.dtype, doc="numpy dtype of a sample.")
-    units = property(lambda self: self.type.units, doc="Units of the fields, by their names.")
-    sequence = property(lambda self: int(self._stamp["sequence"]), doc="Number of the last latest(), from 1.")
-    stamp_ns = property(lambda self: int(self._stamp["stamp_ns"]), doc="Stamp of the last latest() [ns].")
+    @property
+    def dtype(self) -> np.dtype:
+        """numpy dtype of a sample."""
+        return self.type.dtype
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the fields, by their names."""
+        return self.type.units
+
+    @property
+    def sequence(self) -> int:
+        """Number of the last latest(), from 1."""
+        return int(self._stamp["sequence"])
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the last latest() [ns]."""
+        return int(self._stamp["stamp_ns"])
 
     @property
     def missed(self) -> int:
@@ -119,7 +135,7 @@ class Topic:
         return bool(_c.lib.rtbus_writer_alive(self._open()))
 
     def latest(self) -> np.ndarray | None:
-        """The newest sample as a 0-d structured array, a copy of its own; None before the first."""
+        """The newest sample: shape (), of ``dtype``, a copy of its own; None before the first."""
         handle = self._open()
         status = _c.check(_c.lib.rtbus_read_latest(handle, self._latest_at, self._latest.nbytes, self._stamp_at))
         self._has_latest |= status == _c.FRESH
@@ -140,7 +156,7 @@ class Topic:
                 return False
 
     def read(self, most: int = 4096) -> np.ndarray:
-        """What came since the last read, in order and without waiting, at most ``most`` samples; may be empty.
+        """What came since the last read, in order and without waiting: shape (count,), count from 0 to ``most``.
 
         The first call begins with the next sample that is published, or with the oldest one still held
         (``from_oldest``). ``stamps`` holds their numbers and times.
@@ -158,7 +174,7 @@ class Topic:
         return block[:count]
 
     def blocks(self, timeout: float | None = None, gather: float = 0.01, most: int = 4096) -> Iterator[np.ndarray]:
-        """Everything that is published from now on, as structured arrays of at most ``most`` samples.
+        """Everything that is published from now on, as structured arrays of shape (count,), count from 1 to ``most``.
 
         Ends when nothing came for ``timeout`` seconds (None: never). ``gather``: seconds to let samples come together
         before they are taken; longer costs less.
@@ -173,7 +189,7 @@ class Topic:
                 return
 
     def follow(self, timeout: float | None = None, gather: float = 0.01) -> Iterator[np.void]:
-        """The same sample by sample. ``gather=0``: each as soon as it is there."""
+        """The same sample by sample, each of shape (). ``gather=0`` [s]: each as soon as it is there."""
         for block in self.blocks(timeout, gather):
             yield from block
 
@@ -191,7 +207,9 @@ class Topic:
     def __enter__(self) -> Topic:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def __del__(self) -> None:
@@ -214,7 +232,7 @@ def open(
     """Opens a topic, for example ``open("haptic0.telemetry", session="wall")``.
 
     ``session`` may be left out while only one is live. ``timeout``: seconds to wait for the topic to come into being.
-    Raises NotFound, PermissionError and others with the name and the remedy.
+    Raises NotFound, PermissionError and others with the name and the remedy. Any thread.
     """
     end = time.monotonic() + timeout
     while True:

@@ -1,4 +1,4 @@
-"""Types of samples: the bus's descriptions as numpy dtypes, and back."""
+"""Types of samples: the bus's descriptions as numpy dtypes, and back. Any thread."""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def known_types() -> list[str]:
     return names
 
 
-def units(of) -> dict[str, str]:
+def units(of: object) -> dict[str, str]:
     """Units of the fields of a topic, a sample, a block or a recording's array, by the fields' names."""
     if hasattr(of, "units"):
-        return of.units
+        return of.units  # a Topic, a Writer, a SampleType
     metadata = getattr(getattr(of, "dtype", of), "metadata", None) or {}
     return dict(metadata.get("units", {}))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+from types import TracebackType
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from . import _library as _c
 from .types import SampleType, known_type, to_c
@@ -13,7 +15,7 @@ from .types import SampleType, known_type, to_c
 class Writer:
     """The writing end of a topic; made by :func:`publisher`. One thread at a time. Ends the topic when it is closed."""
 
-    def __init__(self, session: str, name: str, type: SampleType, capacity: int, doorbell: bool, mode: int):
+    def __init__(self, session: str, name: str, type: SampleType, capacity: int, doorbell: bool, mode: int) -> None:
         self.session, self.name, self.type = session, name, type
         self._handle = None
         given, fields = to_c(type.name, type.dtype, type.units)
@@ -30,14 +32,22 @@ class Writer:
         """A sample to fill and publish: ``writer.sample["position_m"][:] = p; writer.publish()``."""
         self._sample_at = self.sample.ctypes.data
 
-    dtype = property(lambda self: self.type.dtype, doc="numpy dtype of a sample.")
-    units = property(lambda self: self.type.units, doc="Units of the fields, by their names.")
+    @property
+    def dtype(self) -> np.dtype:
+        """numpy dtype of a sample."""
+        return self.type.dtype
 
-    def publish(self, sample: np.ndarray | np.void | None = None, stamp_ns: int = 0, **fields) -> None:
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the fields, by their names."""
+        return self.type.units
+
+    def publish(self, sample: np.ndarray | np.void | None = None, stamp_ns: int = 0, **fields: ArrayLike) -> None:
         """Publishes ``sample``, or this writer's own one after setting ``fields`` in it.
 
-        ``stamp_ns``: time that it belongs to; 0: now. Raises UnfitValue with the field's name when a number is not
-        finite, TypeError for an array of another dtype.
+        ``sample``: one, of ``dtype``. ``stamp_ns``: time that it belongs to [ns]; 0: now. Raises UnfitValue with the
+        field's name when a number is not finite or impossible, or a time lies in the future; TypeError for an array of
+        another dtype.
         """
         if self._handle is None:
             raise _c.Ended(f"the topic {self.name} has been closed")
@@ -62,7 +72,7 @@ class Writer:
             _c.lib.rtbus_writer_close(self._handle)
             self._handle = None
 
-    def _set(self, name: str, value) -> None:
+    def _set(self, name: str, value: ArrayLike) -> None:
         if name not in self.dtype.names:
             raise TypeError(f"{self.type.name} has no field '{name}'; it has {', '.join(self.dtype.names)}")
         try:
@@ -71,7 +81,7 @@ class Writer:
             shape = self.sample[name].shape
             raise type(error)(f"field '{name}' of {self.type.name} takes {shape or 'a number'}: {error}") from None
 
-    def _fitting(self, sample) -> np.ndarray:
+    def _fitting(self, sample: np.ndarray | np.void) -> np.ndarray:
         dtype = getattr(sample, "dtype", None)
         if dtype != self.dtype or np.size(sample) != 1:
             differing = ""
@@ -87,7 +97,9 @@ class Writer:
     def __enter__(self) -> Writer:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def __del__(self) -> None:
@@ -97,7 +109,7 @@ class Writer:
 
 def publisher(
     topic: str,
-    type: str | SampleType | np.dtype | list,
+    type: str | SampleType | DTypeLike,
     session: str = "default",
     *,
     units: dict[str, str] | None = None,
@@ -110,7 +122,7 @@ def publisher(
 
     ``type``: the name of a known type (``known_types()``), a SampleType, or a structured dtype; ``units`` and
     ``type_name`` (default: the topic's name) belong to the last. ``capacity``: samples that the ring holds, a power of
-    two. ``doorbell``: readers that wait are woken at once.
+    two. ``doorbell``: readers that wait are woken at once. ``mode``: permissions of the shared memory. Any thread.
     """
     if isinstance(type, str):
         made = known_type(type)

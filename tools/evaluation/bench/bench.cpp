@@ -32,7 +32,7 @@ int bench(const BenchOptions& options, const std::string& command_line) {
     }
     if (options.what == "external") {
       Experiment experiment("bench", options.what, command_line, std::filesystem::path(options.out) / options.what);
-      bench_external({find_session("wall"), options.quick ? 3.0 : 10.0}, experiment);
+      bench_external({find_session("wall"), find_session("free_block"), options.quick ? 3.0 : 10.0}, experiment);
       return experiment.finish(options.json);
     }
     BenchPhysicsOptions physics;
@@ -58,7 +58,7 @@ Action add_bench(rtbus::Command command) {
   command
       .option("what", options->what,
               "physics: time of a step awake, pushed and asleep; devices: sample to force of each driver; "
-              "external: what an engine of your own pays for its answers")
+              "external: what an engine of your own pays for its answers, and what of the force is lost on the way")
       .required()
       .one_of({"physics", "devices", "external"});
   command.option("--session", options->sessions, "Of physics: session, by name or file; as often as needed")

@@ -4,9 +4,11 @@
 #include <fstream>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/cli/common/find_config.hpp"
+#include "tools/evaluation/bench/external_force.hpp"
 #include "tools/evaluation/faults/python_engine.hpp"
 #include "tools/evaluation/overhead/live_pair.hpp"
 
@@ -35,11 +37,13 @@ struct Candidate {
 
 std::vector<Candidate> candidates(Experiment& experiment) {
   std::vector<Candidate> out{{"in physics_node", ""}};
-  const std::string in_c = folder_of_this_program() + "/empty_engine";
-  if (std::error_code failed; fs::exists(in_c, failed)) {
-    out.push_back({"C", "[" + in_c + "]", kMostInC_us, kLeastInC_hz});
-  } else {
-    experiment.note(in_c + " is not there: no engine in C; C++ calls the same functions");
+  for (const auto& [name, program] : {std::pair{"C", "/empty_engine"}, std::pair{"C++", "/empty_engine_cpp"}}) {
+    const std::string path = folder_of_this_program() + program;
+    if (std::error_code failed; fs::exists(path, failed)) {
+      out.push_back({name, "[" + path + "]", kMostInC_us, kLeastInC_hz});
+    } else {
+      experiment.note(path + " is not there: no engine in " + name);
+    }
   }
   if (const std::string why = why_no_python_engine(); !why.empty()) {
     experiment.note(why);
@@ -90,6 +94,11 @@ void bench_external(const BenchExternalOptions& options, Experiment& experiment)
                               candidate.least_hz);
   }
   experiment.add_table(std::move(table));
+#if RTBUS_WITH_BULLET
+  check_external_forces(external_forces(options.block_file), experiment);
+#else
+  experiment.note("built without Bullet: the force of the free block was not compared");
+#endif
   experiment.note("pace: free waits 50 us between two steps: at most 20 000 a second");
 }
 

@@ -54,7 +54,7 @@ std::string why_no_python_engine() {
     ::setenv("PYTHONPATH", (tree / "rtbus/python").lexically_normal().c_str(), 0);
     ::setenv("RTBUS_LIBRARY_DIR", (fs::path(folder_of_this_program()) / "../lib").lexically_normal().c_str(), 0);
   }
-  const ProgramOutcome found = run_program(kPython, ".", {"-c", "import rtbus.engine; rtbus.engine._library()"});
+  const ProgramOutcome found = run_program(kPython, ".", {"-c", "import rtbus._engine_library as e; e.library()"});
   if (found.status == 0) return {};
   return "no Python engine runs here (install python3-rtbus): " + found.complaint();
 }

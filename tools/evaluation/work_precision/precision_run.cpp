@@ -39,12 +39,12 @@ std::vector<std::string> assignments_of(const PrecisionScene& scene, const Preci
   return out;
 }
 
-PrecisionTrace run_precisely(const PrecisionScene& scene, const PrecisionCell& cell) {
+PrecisionTrace run_precisely(const PrecisionScene& scene, const PrecisionCell& cell, const AroundWorld& around_world) {
   std::vector<rtbus::config::Override> overrides;
   for (const std::string& text : assignments_of(scene, cell)) overrides.push_back(rtbus::config::parse_override(text));
   auto session = rtbus::config::load_session(scene.session_file, overrides);
   const double before = heap_bytes();
-  Harness harness(session, {.measure_cost = true});
+  Harness harness(session, {.measure_cost = true, .around_world = around_world});
   PrecisionTrace trace;
   trace.heap_kib = (heap_bytes() - before) / 1024.0;
   trace.limit_n = harness.config().safety.max_force_n;

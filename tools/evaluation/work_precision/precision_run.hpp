@@ -68,8 +68,12 @@ struct PrecisionError {
 /// The session's assignments for one cell, the scene's own included.
 [[nodiscard]] std::vector<std::string> assignments_of(const PrecisionScene& scene, const PrecisionCell& cell);
 
+/// HarnessOptions::around_world.
+using AroundWorld = decltype(HarnessOptions::around_world);
+
 /// Throws rtbus::config::Error.
-[[nodiscard]] PrecisionTrace run_precisely(const PrecisionScene& scene, const PrecisionCell& cell);
+[[nodiscard]] PrecisionTrace run_precisely(const PrecisionScene& scene, const PrecisionCell& cell,
+                                           const AroundWorld& around_world = {});
 
 /// Pure. Both are looked at when the trace's cycles begin: the force is the one that is held from then on.
 [[nodiscard]] PrecisionError error_of(const PrecisionTrace& trace, const PrecisionScene& scene,

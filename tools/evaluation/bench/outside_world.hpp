@@ -7,7 +7,7 @@
 
 #include "physics_node/external/external_world.hpp"
 
-namespace tests {
+namespace tools {
 
 class OutsideWorld final : public physics::World {
  public:
@@ -97,4 +97,4 @@ class OutsideWorld final : public physics::World {
   std::thread program_;  // last: uses both
 };
 
-}  // namespace tests
+}  // namespace tools
