@@ -52,6 +52,34 @@ TEST_F(SupervisorTest, PassesOnWhatChildrenWrite) {
   EXPECT_EQ(ends_[0].how(), "ended with status 0");
 }
 
+// A hand waits with an engine that waits for its output to be read.
+TEST_F(SupervisorTest, AnEngineMayPrintMuchBeforeAnybodyReads) {
+  ChildSpec engine = shell("physics", Stage::kPhysics, "yes 0123456789abcde | head -n 60000");
+  engine.waits_for_reader = true;
+  ASSERT_TRUE(supervisor_.start(engine).has_value());
+  const pid_t pid = supervisor_.running().front().pid;
+  siginfo_t ended{};
+  for (int i = 0; i < 2000 && ended.si_pid == 0; ++i) {
+    ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(pid), &ended, WEXITED | WNOHANG | WNOWAIT), 0);
+    rtbus::sleep_until(rtbus::monotonic_ns() + 5 * rtbus::kNsPerMs);
+  }
+  EXPECT_EQ(ended.si_pid, pid) << "it waits for a reader of its 960 kB";
+  ASSERT_TRUE(poll_until([this] { return !ends_.empty(); }));
+  EXPECT_EQ(lines_.size(), 60000U);
+  EXPECT_EQ(lines_.back(), "physics: 0123456789abcde");
+}
+
+TEST_F(SupervisorTest, CutsALongLineInPieces) {
+  ASSERT_TRUE(supervisor_.start(shell("a", Stage::kHaptic, "head -c 10000 /dev/zero | tr '\\0' x; echo")).has_value());
+  ASSERT_TRUE(poll_until([this] { return !ends_.empty(); }));
+  std::size_t all = 0;
+  for (const std::string& line : lines_) {
+    EXPECT_LE(line.size(), 3 + 4096U);
+    all += line.size() - 3;  // "a: "
+  }
+  EXPECT_EQ(all, 10000U);
+}
+
 TEST_F(SupervisorTest, TellsHowAChildEndedAndItsLastWords) {
   ASSERT_TRUE(supervisor_.start(shell("a", Stage::kHaptic, "echo no device; exit 3")).has_value());
   ASSERT_TRUE(poll_until([this] { return !ends_.empty(); }));

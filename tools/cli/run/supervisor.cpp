@@ -24,6 +24,8 @@ namespace {
 
 constexpr std::size_t kLastWords = 12;      // lines kept per child
 constexpr std::size_t kLongestLine = 4096;  // longer ones are cut in pieces
+/// Of the pipe of an engine, which waits while it is full: a hand waits with it. The largest that any user may have.
+constexpr int kEnginePipe_bytes = 1 << 20;
 constexpr std::uint64_t kPollPeriod_ns = 5 * rtbus::kNsPerMs;
 
 /// Puts a library in front of LD_PRELOAD for the children forked while it lives.
@@ -90,7 +92,10 @@ rtbus::Result<void, std::string> Supervisor::start(const ChildSpec& spec) {
   int ends[2];
   // Neither end blocks: a child whose supervisor is held up (Ctrl-Z, a debugger) loses log lines, not time.
   if (::pipe2(ends, O_CLOEXEC | O_NONBLOCK) != 0) return failed("pipe");
-  if (spec.waits_for_reader) ::fcntl(ends[1], F_SETFL, 0);
+  if (spec.waits_for_reader) {
+    ::fcntl(ends[1], F_SETFL, 0);
+    (void)::fcntl(ends[1], F_SETPIPE_SZ, kEnginePipe_bytes);  // a system that grants less lets it wait sooner
+  }
   std::vector<char*> arguments{const_cast<char*>(spec.program.c_str())};
   for (const std::string& each : spec.arguments) arguments.push_back(const_cast<char*>(each.c_str()));
   arguments.push_back(nullptr);
@@ -121,14 +126,18 @@ void Supervisor::take_line(Child& child, std::string line) {
 }
 
 void Supervisor::pump(Child& child) {
-  char buffer[4096];
+  char buffer[65536];
   for (ssize_t got = 0; (got = ::read(child.output_fd, buffer, sizeof buffer)) > 0;) {
     child.partial_line.append(buffer, static_cast<std::size_t>(got));
-    for (std::size_t end = 0; (end = child.partial_line.find('\n')) != std::string::npos;) {
-      take_line(child, child.partial_line.substr(0, end));
-      child.partial_line.erase(0, end + 1);
+    std::size_t taken = 0;
+    for (std::size_t end = 0; (end = child.partial_line.find('\n', taken)) != std::string::npos; taken = end + 1) {
+      take_line(child, child.partial_line.substr(taken, end - taken));
     }
-    if (child.partial_line.size() > kLongestLine) take_line(child, std::exchange(child.partial_line, {}));
+    child.partial_line.erase(0, taken);
+    while (child.partial_line.size() > kLongestLine) {
+      take_line(child, child.partial_line.substr(0, kLongestLine));
+      child.partial_line.erase(0, kLongestLine);
+    }
   }
 }
 
