@@ -68,6 +68,26 @@ if /usr/bin/python3 -c 'import numpy' 2>/dev/null; then
     { cat wall.txt; fail "python_wall"; }
   grep -q '"engine": "external"' wall.json || fail "python_wall: another engine"
 fi
+# `pip install .` in the source tree, a copy of it here, into an environment of its own.
+if /usr/bin/python3 -c 'import numpy, pip, setuptools, venv, wheel' 2>/dev/null; then
+  mkdir -p "$work"/tree/{rtbus,build/lib}
+  cp "$source/CMakeLists.txt" "$work/tree"
+  cp -r "$source/rtbus/python" "$work/tree/rtbus"
+  cp -L "$build"/lib/librtbus{,_engine}.so.1 "$work/tree/build/lib"
+  /usr/bin/python3 -m venv --system-site-packages --without-pip "$work/venv"
+  (
+    unset PYTHONPATH RTBUS_LIBRARY_DIR
+    cd "$work/tree/rtbus/python"
+    "$work/venv/bin/python3" -m pip install -q --no-index --no-build-isolation . >"$work/log" 2>&1 || { cat "$work/log"; fail "pip install"; }
+    cd "$work/here"
+    expect "$work/venv" "$work/venv/bin/python3" -c 'import rtbus; print(rtbus.__file__)'
+    PATH=$work/venv/bin:$PATH "$rtbus" run python_wall.yaml --duration 3 --set session=${session}_v --report pip.json --no-bare-loop >pip.txt 2>&1 ||
+      { cat pip.txt; fail "python_wall with the package of pip"; }
+    grep -q '"engine": "external"' pip.json || fail "python_wall with the package of pip: another engine"
+  ) || exit 1
+else
+  echo "python3-pip, python3-venv, python3-setuptools or python3-wheel is not installed: pip install is not tried"
+fi
 cp "$work/examples/own_engine.yaml" .
 PATH=$examples:$PATH "$rtbus" run own_engine.yaml --duration 3 --set session=${session}_o --no-bare-loop >own.txt 2>&1 ||
   { cat own.txt; fail "own_engine"; }
