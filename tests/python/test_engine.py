@@ -285,7 +285,7 @@ class Fails(Engine):
             self.fire("forks, prints, collects")
             while os.path.exists(self.trigger):
                 time.sleep(0.05)
-            self.assertTrue(Follow(session).until(leans, 500)[0], session.log)
+            self.expect(Follow(session).until(leans, 500)[0], "something was felt of it", session)
 
         with self.subTest(engine="a second one"):
             command = [sys.executable, str(EXAMPLES / "python" / "python_wall.py")]
@@ -293,7 +293,7 @@ class Fails(Engine):
             second = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
             self.assertNotEqual(second.returncode, 0)
             self.assertIn("a live writer holds this topic", second.stderr)
-            self.assertTrue(Follow(session).until(leans, 200)[0], session.log)
+            self.expect(Follow(session).until(leans, 200)[0], "the first engine is not felt any more", session)
         report = session.end()
         self.assertEqual(len(report["restarts"]), 3)  # raised, NaN, killed: not for stalls, forks or prints
 
@@ -320,7 +320,7 @@ class Fails(Engine):
         follow = Follow(session)
         for mode in ("past", "future", "another layout"):
             stranger.mode = "good"
-            self.assertTrue(follow.until(leans_a_little, 100)[0], "a good answer is felt")
+            self.expect(follow.until(leans_a_little, 100)[0], "not so: a good answer is felt", session)
             stranger.mode = mode
             self.assertTrue(follow.until(gone, 100)[0], mode)
             self.assertTrue(gone(follow.force(500)), mode)
@@ -329,7 +329,7 @@ class Fails(Engine):
 
         # Published just now, each of them, and with the right epoch: but to where the hand was.
         stranger.mode = "0.3 s late"
-        self.assertTrue(follow.until(leans_a_little, 100)[0], "a delay is felt")
+        self.expect(follow.until(leans_a_little, 100)[0], "not so: a delay is felt", session)
         # Only forces that have been on for longer than 2 s can come from so late an answer. A loss that a busy machine
         # causes in between begins that time anew.
         for _ in range(5):
@@ -342,7 +342,7 @@ class Fails(Engine):
                 break
         self.expect("physics answers a hand of long ago: device_time_ns" in session.log, "an answer to 2 s ago was not told", session)
         stranger.mode = "good"
-        self.assertTrue(follow.until(leans_a_little, 100)[0], "the force returns")
+        self.expect(follow.until(leans_a_little, 100)[0], "not so: the force returns", session)
 
     def test_wrong_arguments_name_the_field(self):
         with rtbus.Engine(WALL, set={"session": f"py-{os.getpid()}-args"}, gives_bodies=True, bodies=2) as engine:

@@ -204,8 +204,25 @@ class Publishing(unittest.TestCase):
         with rtbus.publisher("proxy", "rtbus/ProxyState", scratch()) as writer:
             with self.assertRaisesRegex(rtbus.UnfitValue, r"velocity_m_s\[2\] is not finite"):
                 writer.publish(velocity_m_s=(0, 0, float("nan")))
+            writer.publish(velocity_m_s=(0, 0, 0))  # the writer's sample keeps what was set
             with self.assertRaisesRegex(ValueError, "'position_m'.*takes"):
                 writer.publish(position_m=(1, 2))
+            with self.assertRaisesRegex(TypeError, "'velocity_m_s' .* is float64, and got an array of complex128"):
+                writer.publish(velocity_m_s=np.zeros(3, complex))
+            with self.assertRaisesRegex(TypeError, "'position_m' .* is float64, and got an array of <U1"):
+                writer.publish(position_m=("a", "b", "c"))
+            with self.assertRaisesRegex(TypeError, "'step_index' .* is uint64, and got an array of float64"):
+                writer.publish(step_index=1.5)
+            with self.assertRaisesRegex(ValueError, "'step_index' .* is uint64, from 0 to 18446744073709551615, and got -1"):
+                writer.publish(step_index=-1)
+            with self.assertRaisesRegex(rtbus.UnfitValue, "position_m.0. is impossible in a rtbus/ProxyState"):
+                writer.publish(position_m=(1e30, 0, 0))
+            writer.publish(position_m=(0, 0, 0), step_index=np.uint64((1 << 64) - 1 >> 20))
+            with self.assertRaisesRegex(rtbus.UnfitValue, "device_time_ns lies .* in the future"):
+                writer.publish(device_time_ns=rtbus.now_ns() + 10**9)
+            writer.publish(device_time_ns=0)
+            with self.assertRaisesRegex(rtbus.UnfitValue, "stamp_ns lies .* in the future"):
+                writer.publish(stamp_ns=rtbus.now_ns() + 10**9)
             with self.assertRaisesRegex(TypeError, "no field 'positon_m'"):
                 writer.publish(positon_m=(1, 2, 3))
             wrong = np.zeros((), [(n, writer.dtype[n] if n != "step_s" else "f4") for n in writer.dtype.names])
@@ -213,6 +230,14 @@ class Publishing(unittest.TestCase):
                 writer.publish(wrong)
             with self.assertRaises(TypeError):
                 writer.publish([1, 2, 3])
+
+    def test_a_text_that_is_too_long_is_refused(self):
+        with rtbus.publisher("info", "rtbus/NodeInfo", scratch()) as writer:
+            writer.publish(role=b"physics", kind="mine")
+            with self.assertRaisesRegex(ValueError, "'role' .* holds a text of 16 bytes"):
+                writer.publish(role=b"a name that is too long")
+            with self.assertRaisesRegex(TypeError, "'role' .* is .S16, and got an array of int64"):
+                writer.publish(role=5)
 
     def test_two_writers_of_one_topic_are_refused(self):
         session = scratch()

@@ -75,11 +75,22 @@ class Writer:
     def _set(self, name: str, value: ArrayLike) -> None:
         if name not in self.dtype.names:
             raise TypeError(f"{self.type.name} has no field '{name}'; it has {', '.join(self.dtype.names)}")
+        base, array = self.dtype[name].base, np.asarray(value)
+        field = f"field '{name}' of {self.type.name}"
+        carried = {"f": "fiub", "u": "iub", "i": "iub", "S": "SU"}[base.kind]
+        if array.dtype.kind not in carried:
+            raise TypeError(f"{field} is {base}, and got an array of {array.dtype}")
+        if base.kind in "ui" and array.size and not np.all(
+            (array >= np.iinfo(base).min) & (array <= np.iinfo(base).max)
+        ):
+            raise ValueError(f"{field} is {base}, from {np.iinfo(base).min} to {np.iinfo(base).max}, and got {value!r}")
+        if base.kind == "S" and array.size and int(np.char.str_len(array).max()) > base.itemsize:
+            raise ValueError(f"{field} holds a text of {base.itemsize} bytes, and got {value!r}")
         try:
-            self.sample[name] = value
+            self.sample[name] = array
         except (TypeError, ValueError) as error:
             shape = self.sample[name].shape
-            raise type(error)(f"field '{name}' of {self.type.name} takes {shape or 'a number'}: {error}") from None
+            raise type(error)(f"{field} takes {shape or 'a number'}: {error}") from None
 
     def _fitting(self, sample: np.ndarray | np.void) -> np.ndarray:
         dtype = getattr(sample, "dtype", None)
