@@ -131,13 +131,15 @@ void Supervisor::pump(Child& child) {
     child.partial_line.append(buffer, static_cast<std::size_t>(got));
     std::size_t taken = 0;
     for (std::size_t end = 0; (end = child.partial_line.find('\n', taken)) != std::string::npos; taken = end + 1) {
+      for (; end - taken > kLongestLine; taken += kLongestLine) {
+        take_line(child, child.partial_line.substr(taken, kLongestLine));
+      }
       take_line(child, child.partial_line.substr(taken, end - taken));
     }
-    child.partial_line.erase(0, taken);
-    while (child.partial_line.size() > kLongestLine) {
-      take_line(child, child.partial_line.substr(0, kLongestLine));
-      child.partial_line.erase(0, kLongestLine);
+    for (; child.partial_line.size() - taken > kLongestLine; taken += kLongestLine) {
+      take_line(child, child.partial_line.substr(taken, kLongestLine));
     }
+    child.partial_line.erase(0, taken);
   }
 }
 
