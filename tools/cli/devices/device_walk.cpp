@@ -1,18 +1,48 @@
 #include "tools/cli/devices/device_walk.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <iostream>
+#include <thread>
 
 #include "rtbus/clock.hpp"
+#include "rtbus/realtime.hpp"
 #include "tools/cli/common/formatted.hpp"
 #include "tools/cli/common/interrupt.hpp"
 
 namespace tools {
 
 namespace {
+
 constexpr double kReadyWithin_s = 60.0;
-}
+constexpr std::uint64_t kMaintainEveryNs = 20 * rtbus::kNsPerMs;
+
+/// Calls maintain() as the node's housekeeping thread does, beside read() and write(), for as long as it lives.
+class Housekeeping {
+ public:
+  explicit Housekeeping(drivers::Device& device) : thread_([this, &device] { run(device); }) {}
+  ~Housekeeping() {
+    ends_.store(true);
+    thread_.join();
+  }
+  Housekeeping(const Housekeeping&) = delete;
+  Housekeeping& operator=(const Housekeeping&) = delete;
+
+ private:
+  void run(drivers::Device& device) const {
+    rtbus::name_this_thread("housekeeping");
+    while (!ends_.load()) {
+      device.maintain();
+      rtbus::sleep_until(rtbus::monotonic_ns() + kMaintainEveryNs);
+    }
+  }
+
+  std::atomic<bool> ends_{false};
+  std::thread thread_;
+};
+
+}  // namespace
 
 Walk::Walk(drivers::Device& device) : device_(device) {
   const double rate_hz = device.info().sample_rate_hz > 0.0 ? device.info().sample_rate_hz : 1000.0;
@@ -24,6 +54,7 @@ Walk::Outcome Walk::run(double seconds, const Each& each) {
   const std::uint64_t start_ns = rtbus::monotonic_ns();
   std::uint64_t last_ns = start_ns;
   bool enough = false;
+  const Housekeeping housekeeping(device_);  // a calibration that the driver asks for goes on there
   while (!enough && !interrupted() && out.elapsed_s < seconds) {
     if (!device_.info().can_pace_loop || device_.wait_sample(last_ns + 2 * period_ns_) == drivers::IoStatus::kLost) {
       rtbus::sleep_until(last_ns + period_ns_);

@@ -1,7 +1,7 @@
 #pragma once
 /// @file device_walk.hpp
-/// A loop over one device for guided tools: one thread, at the device's own pace or by a timer; and how such a tool
-/// asks.
+/// A loop over one device for guided tools, at the device's own pace or by a timer, with the driver's housekeeping
+/// beside it; and how such a tool asks.
 #include <cstdint>
 #include <functional>
 #include <nlohmann/json.hpp>
