@@ -45,6 +45,17 @@ rtbus::Result<void, DeviceFault> FdLine::failed(const std::string& what) const {
   return Failure{DeviceFault{what + ": " + sdk_.last_error()}};
 }
 
+FdLine::Opened FdLine::claim() {
+  if (settings_.claim.empty()) return {};
+  auto taken = vendor::Claim::take(settings_.claim, settings_.owner);
+  if (!taken) {
+    return Failure{
+        DeviceFault{taken.error() + " has the device; end that session, or choose another device by `serial:`"}};
+  }
+  claim_ = std::move(*taken);
+  return {};
+}
+
 FdLine::Opened FdLine::load() {
   if (loaded_) return {};
   auto sdk = load_sdk(settings_.library);
@@ -61,7 +72,27 @@ FdLine::Opened FdLine::load() {
   return {};
 }
 
-// No device but the wanted one is opened.
+// What is plugged in, for the message that the wanted one is not: each is opened for its serial number, and closed.
+std::string FdLine::others() const {
+  std::string out;
+  const int count = std::max(0, sdk_.dhdGetDeviceCount());
+  for (int i = 0; i < count; ++i) {
+    out += out.empty() ? "" : ", ";
+    const int opened = sdk_.dhdOpenID(static_cast<char>(i));
+    if (opened < 0) {
+      out += "one that does not open: " + sdk_.last_error();
+      continue;
+    }
+    const auto id = static_cast<char>(opened);
+    unsigned short serial = 0;
+    const bool known = sdk_.dhdGetSerialNumber(&serial, id) >= 0;
+    out += product_of(sdk_.dhdGetSystemType(id)) + (known ? " with serial " + std::to_string(serial) : "");
+    (void)sdk_.dhdClose(id);
+  }
+  return out;
+}
+
+// No device but the wanted one is opened, unless that is not there.
 FdLine::Opened FdLine::open() {
   const int count = sdk_.dhdGetDeviceCount();
   if (count <= 0) {
@@ -81,12 +112,14 @@ FdLine::Opened FdLine::open() {
   if (id < 0) {
     const int error = sdk_.dhdErrorGetLast();
     if (error == kErrorInUse) {
-      return Failure{DeviceFault{"another program has the device; close it (a device serves one program at a time)"}};
+      const std::string owner = vendor::other_owner("force_dimension ");  // the SDK does not say whose it is
+      return Failure{DeviceFault{(owner.empty() ? "another program" : owner) +
+                                 " has the device; close it (a device serves one program at a time)"}};
     }
     if (settings_.serial != 0) {
-      return Failure{DeviceFault{"no device with serial number " + std::to_string(settings_.serial) + " opens, and " +
-                                 std::to_string(count) + " are plugged in: " + sdk_.last_error() +
-                                 "; rtbus devices --all asks them for their serial numbers"}};
+      const std::string why = sdk_.last_error();
+      return Failure{DeviceFault{"no device with serial number " + std::to_string(settings_.serial) + " opens: " + why +
+                                 "; there is: " + others() + "; correct `serial:`"}};
     }
     return failed("the device cannot be opened");
   }
@@ -168,7 +201,7 @@ FdLine::Opened FdLine::prepare_forces() {
 rtbus::Result<void, DeviceFault> FdLine::connect(io::StopFlag& stop) {
   using Step = Opened (FdLine::*)();
   for (const Step step :
-       {&FdLine::load, &FdLine::open, &FdLine::identify, &FdLine::calibrate, &FdLine::prepare_forces}) {
+       {&FdLine::load, &FdLine::claim, &FdLine::open, &FdLine::identify, &FdLine::calibrate, &FdLine::prepare_forces}) {
     if (auto done = (this->*step)(); !done) {
       disconnect(true);
       return done;
@@ -185,13 +218,17 @@ rtbus::Result<void, DeviceFault> FdLine::connect(io::StopFlag& stop) {
 }
 
 void FdLine::disconnect(bool reachable) noexcept {
-  if (!open_) return;
+  if (!open_) {
+    claim_.release();
+    return;
+  }
   if (reachable) {
     (void)send({}, 0.001, false, 0);
     (void)sdk_.dhdEnableForce(0, id_);
   }
   (void)(sdk_.has_drd() ? sdk_.drdClose(id_) : sdk_.dhdClose(id_));  // also when the device is gone
   open_ = false;
+  claim_.release();
 }
 
 // --- Exchanges ------------------------------------------------------------------------------------------------------

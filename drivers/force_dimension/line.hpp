@@ -9,6 +9,7 @@
 #include "drivers/force_dimension/models.hpp"
 #include "drivers/force_dimension/sdk.hpp"
 #include "drivers/io/line.hpp"
+#include "drivers/vendor/claim.hpp"
 
 namespace drivers::force_dimension {
 
@@ -20,6 +21,8 @@ struct Settings {
   bool gravity_compensation = true;
   bool read_velocity = false;  ///< One more call in each exchange.
   double watchdog_s = 0.020;   ///< The controller turns forces off after so long without a command [s].
+  std::string claim;           ///< What other sessions claim who mean the same device; empty: nobody does.
+  std::string owner;           ///< Whom they are told.
   Vec3 origin_m{};             ///< Of D in the maker's frame, its axes [m].
   /// Called before the library is used: a stand-in's unit is plugged in. Returns a sentence when that fails.
   std::function<std::string()> prepare;
@@ -45,11 +48,13 @@ class FdLine final : public io::Line {
 
  private:
   using Opened = rtbus::Result<void, DeviceFault>;
+  [[nodiscard]] Opened claim();
   [[nodiscard]] Opened load();
   [[nodiscard]] Opened open();
   [[nodiscard]] Opened identify();
   [[nodiscard]] Opened calibrate();
   [[nodiscard]] Opened prepare_forces();
+  [[nodiscard]] std::string others() const;
   [[nodiscard]] Opened failed(const std::string& what) const;
   void look_at_status(std::uint64_t now_ns);
   void read_velocity() noexcept;
@@ -58,6 +63,7 @@ class FdLine final : public io::Line {
 
   Settings settings_;
   Sdk sdk_;
+  vendor::Claim claim_;
   bool loaded_ = false;
   bool connected_before_ = false;  ///< The arm must not move by itself any more: a hand may be on it.
   char id_ = -1;

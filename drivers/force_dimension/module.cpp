@@ -29,10 +29,8 @@ std::string plug(const stand_in::Settings& unit) {
   void* const library = dlopen(file.c_str(), RTLD_NOW | RTLD_NOLOAD);
   const auto function =
       library == nullptr ? nullptr : reinterpret_cast<stand_in::PlugFunction>(dlsym(library, stand_in::kPlugSymbol));
-  if (function == nullptr || !function(unit, sizeof unit)) {
-    return std::string(stand_in::kLibrary) + " belongs to another build of this program; build both again";
-  }
-  return {};
+  using virtual_vendor::Plugged;
+  return explain(function == nullptr ? Plugged::kOtherBuild : function(unit, sizeof unit), stand_in::kLibrary);
 }
 
 class Config final : public DeviceConfig {
@@ -50,7 +48,9 @@ class Config final : public DeviceConfig {
     io.link_name = "Force Dimension";
     const io::IoThread place{.priority = context.loop_priority + 1, .core = context.loop_core};
     Settings settings = settings_;
+    settings.owner = vendor::owner_name(context);
     if (unit_) {
+      settings.claim = unit_->unit.one_session ? "force_dimension virtual " + unit_->unit.serial : "";
       settings.prepare = [unit = virtual_vendor::seen_by(*unit_, context)] { return plug(unit); };
     }
     return std::unique_ptr<Device>(std::make_unique<io::IoDevice>(
@@ -75,7 +75,7 @@ stand_in::Settings read_virtual(Map& map, const Model& model, Settings& settings
 const Model& read_model(Map& file) {
   std::vector<std::string> names;
   for (const Model& model : models()) names.emplace_back(model.name);
-  const std::string name = file.choice("model", names);
+  const std::string name = vendor::read_model(file, names);
   return *std::find_if(models().begin(), models().end(), [&](const Model& model) { return model.name == name; });
 }
 
@@ -93,6 +93,7 @@ std::unique_ptr<DeviceConfig> parse(Map& file) {
   if (settings.serial != 0 && settings.model.types[0] == 60) {
     file.fail("serial", "is not possible: a Falcon has none in this SDK; leave it out");
   }
+  settings.claim = "force_dimension " + (settings.serial == 0 ? "any" : std::to_string(settings.serial));
   info.serial = settings.serial == 0 ? "" : std::to_string(settings.serial);
   settings.auto_init = file.boolean("auto_init", false);
   if (settings.auto_init && !settings.model.calibrates_itself) {

@@ -75,11 +75,29 @@ rtbus::Result<void, DeviceFault> HaplyLine::choose(const Inventory& inventory) {
 rtbus::Result<void, DeviceFault> HaplyLine::greet(const std::string& where) {
   std::string_view text;
   if (socket_.receive(text, rtbus::monotonic_ns() + 2 * rtbus::kNsPerS) != WireStatus::kOk) {
-    return Failure{DeviceFault{"the Inverse Service at " + where + " sends no list of devices; restart it"}};
+    return Failure{DeviceFault{"the Inverse Service at " + where + " sends no list of devices" + socket_.why_closed() +
+                               "; restart it"}};
   }
   const auto inventory = read_inventory(text);
   if (!inventory) return Failure{DeviceFault{inventory.error()}};
-  return choose(*inventory);
+  if (auto chosen = choose(*inventory); !chosen) return chosen;
+  return claim(where);
+}
+
+// The service adds up the forces of all its clients: it would not refuse the second one.
+rtbus::Result<void, DeviceFault> HaplyLine::claim(const std::string& where) {
+  claims_.clear();
+  for (const std::string& device : {settings_.claim, "haply " + where + " " + device_}) {
+    if (device.empty()) continue;
+    auto taken = vendor::Claim::take(device, settings_.owner);
+    if (!taken) {
+      claims_.clear();
+      return Failure{DeviceFault{taken.error() + " has the Inverse3 " + device_ +
+                                 "; end that session, or choose another device by `device_id:`"}};
+    }
+    claims_.push_back(std::move(*taken));
+  }
+  return {};
 }
 
 rtbus::Result<void, DeviceFault> HaplyLine::connect(io::StopFlag& stop) {
@@ -99,7 +117,7 @@ rtbus::Result<void, DeviceFault> HaplyLine::connect(io::StopFlag& stop) {
   const auto version =
       read_version(http_get(settings_.address, ports.port, "/version", rtbus::monotonic_ns() + rtbus::kNsPerS, stop));
   if (version && *version < kOldest) {
-    socket_.close();
+    disconnect(false);
     return Failure{DeviceFault{"the Inverse Service at " + where + " has version " + std::to_string(version->major) +
                                "." + std::to_string(version->minor) + "; install version 3.1 or later"}};
   }
@@ -125,6 +143,7 @@ void HaplyLine::disconnect(bool reachable) noexcept {
     if (send({}, 0.001, false, deadline_ns) == SendStatus::kSent) (void)receive(sample, deadline_ns);
   }
   socket_.close();
+  claims_.clear();
 }
 
 SendStatus HaplyLine::send(const Vec3& asked_n, double, bool, std::uint64_t deadline_ns) noexcept {
@@ -214,7 +233,7 @@ ExchangeStatus HaplyLine::receive(DeviceSample& out, std::uint64_t deadline_ns) 
       behind_ = true;
       return ExchangeStatus::kNothing;
     case WireStatus::kClosed:
-      fault_ = "the Inverse Service has closed the connection";
+      fault_ = "the Inverse Service has closed the connection" + socket_.why_closed();
       return ExchangeStatus::kFault;
   }
   const std::uint64_t now_ns = rtbus::monotonic_ns();

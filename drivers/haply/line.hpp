@@ -11,6 +11,7 @@
 #include "drivers/haply/service_messages.hpp"
 #include "drivers/haply/web_socket.hpp"
 #include "drivers/io/line.hpp"
+#include "drivers/vendor/claim.hpp"
 
 namespace drivers::haply {
 
@@ -21,6 +22,8 @@ struct Settings {
   std::string device;               ///< Its id; empty: the only one.
   std::string grip;                 ///< Id of the VerseGrip; empty: the only one, if there is one.
   std::string field = "auto";       ///< auto, vector, values.
+  std::string claim;                ///< Besides the service's device: what sessions claim who mean the same; or empty.
+  std::string owner;                ///< Whom other sessions are told.
   Vec3 origin_m{0.0, -0.12, 0.15};  ///< Of D in the service's frame [m].
   struct Ports {
     int port = 0, events_port = 0;
@@ -50,6 +53,7 @@ class HaplyLine final : public io::Line {
  private:
   [[nodiscard]] rtbus::Result<void, DeviceFault> choose(const Inventory& inventory);
   [[nodiscard]] rtbus::Result<void, DeviceFault> greet(const std::string& where);
+  [[nodiscard]] rtbus::Result<void, DeviceFault> claim(const std::string& where);
   void check_echo(const ServiceState& state);
   void check_excess(const ServiceState& state);
   void show_events();
@@ -57,6 +61,7 @@ class HaplyLine final : public io::Line {
 
   Settings settings_;
   WebSocket socket_;
+  std::vector<vendor::Claim> claims_;
   std::string device_, grip_, grip_kind_;
   ForceField field_ = ForceField::kVector;
   bool both_tried_ = false;

@@ -42,7 +42,10 @@ class Config final : public DeviceConfig {
     const io::IoThread place{.priority = context.loop_priority + 1, .core = context.loop_core};
     auto service = service_;
     if (service) service = virtual_vendor::seen_by(*service, context);
-    return std::unique_ptr<Device>(std::make_unique<io::IoDevice>(io, place, [settings = settings_, service]() mutable {
+    Settings named = settings_;
+    named.owner = vendor::owner_name(context);
+    if (service && service->unit.one_session) named.claim = "haply virtual " + service->unit.serial;
+    return std::unique_ptr<Device>(std::make_unique<io::IoDevice>(io, place, [settings = named, service]() mutable {
       if (service) {
         auto runs = std::make_shared<stand_in::Service>(*service);
         settings.prepare = [runs] { return Settings::Ports{runs->port(), runs->events_port()}; };
@@ -79,7 +82,7 @@ DeviceInfo limits(bool minverse) {
 }
 
 std::unique_ptr<DeviceConfig> parse(Map& file) {
-  DeviceInfo info = limits(file.choice("model", {"inverse3", "minverse"}) == "minverse");
+  DeviceInfo info = limits(vendor::read_model(file, {"inverse3", "minverse"}) == "minverse");
   vendor::read_limits(file, info);
   info.sample_rate_hz = file.number("sample_rate_hz", {100.0, 4000.0}, 1000.0);
   Settings settings;

@@ -21,6 +21,7 @@ struct Connection {
   bool connected = false;
   bool closed = false;
   std::string problem;
+  std::string why_closed;
   std::string partial;               ///< Fragments of a message so far.
   std::deque<std::string> messages;  ///< Whole ones that nobody has taken.
 };
@@ -61,7 +62,16 @@ int write_pending(WebSocket::State& state, lws* socket) {
 
 int take(WebSocket::State& state, lws* socket, const void* in, std::size_t bytes) {
   Connection& from = state.of(socket);
-  if (from.partial.size() + bytes > kLongestMessage) return -1;
+  const auto refuse = [&](lws_close_status code, const char* reason) {
+    from.why_closed = std::string(" (") + reason + ")";
+    std::string copy(reason);
+    lws_close_reason(socket, code, reinterpret_cast<unsigned char*>(copy.data()), copy.size());
+    return -1;
+  };
+  if (lws_frame_is_binary(socket) != 0) return refuse(LWS_CLOSE_STATUS_UNACCEPTABLE_OPCODE, "it sent a binary frame");
+  if (from.partial.size() + bytes > kLongestMessage) {
+    return refuse(LWS_CLOSE_STATUS_MESSAGE_TOO_LARGE, "it sent more than 1 MiB at once");
+  }
   from.partial.append(static_cast<const char*>(in), bytes);
   // A message may come in fragments, and a frame in pieces.
   if (lws_is_final_fragment(socket) == 0 || lws_remaining_packet_payload(socket) != 0) return 0;
@@ -87,6 +97,15 @@ int on_event(lws* socket, lws_callback_reasons reason, void*, void* in, std::siz
       Connection& ended = state_of(socket).of(socket);
       ended.closed = true;
       ended.socket = nullptr;
+      return 0;
+    }
+    case LWS_CALLBACK_WS_PEER_INITIATED_CLOSE: {
+      // Two bytes of code, most significant first, then words.
+      const auto* const text = static_cast<const unsigned char*>(in);
+      if (bytes < 2 || !state_of(socket).of(socket).why_closed.empty()) return 0;
+      const std::string words(reinterpret_cast<const char*>(text) + 2, bytes - 2);
+      state_of(socket).of(socket).why_closed =
+          " (code " + std::to_string(text[0] << 8 | text[1]) + (words.empty() ? "" : ": " + words) + ")";
       return 0;
     }
     case LWS_CALLBACK_CLIENT_WRITEABLE:
@@ -176,6 +195,8 @@ std::string WebSocket::take_event() {
   messages.pop_front();
   return out;
 }
+
+std::string WebSocket::why_closed() const { return state_->main.why_closed; }
 
 std::size_t WebSocket::discard() {
   if (state_->context == nullptr) return 0;

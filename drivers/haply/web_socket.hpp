@@ -24,8 +24,11 @@ class WebSocket {
   [[nodiscard]] std::string connect(const std::string& address, int port, io::StopFlag& stop);
   /// One text frame.
   [[nodiscard]] WireStatus send(std::string_view text, std::uint64_t deadline_ns);
-  /// The next whole message; `out` is valid until the next call.
+  /// The next whole message, text alone: who sends binary frames is no Inverse Service, and gets a close. `out` is
+  /// valid until the next call.
   [[nodiscard]] WireStatus receive(std::string_view& out, std::uint64_t deadline_ns);
+  /// " (code 1011: restarting)", as the other end gave it, or why this end has closed; empty: nobody said.
+  [[nodiscard]] std::string why_closed() const;
   /// Drops what has arrived and was not received. @returns how many messages.
   std::size_t discard();
 

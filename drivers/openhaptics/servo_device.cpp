@@ -5,6 +5,7 @@
 #include <atomic>
 #include <utility>
 
+#include "drivers/openhaptics/set_up.hpp"
 #include "rtbus/clock.hpp"
 
 namespace drivers::openhaptics {
@@ -57,7 +58,8 @@ rtbus::Result<void, DeviceFault> ServoDevice::start(std::uint64_t) {
                     "of its own"}};
   }
   port_.set_state(io::LinkState::kOpening);
-  for (auto step : {&ServoDevice::initialise, &ServoDevice::check_model, &ServoDevice::start_servo}) {
+  for (auto step : {&ServoDevice::load, &ServoDevice::claim, &ServoDevice::initialise, &ServoDevice::check_model,
+                    &ServoDevice::start_servo}) {
     auto done = (this->*step)();
     if (done && cancelled_.load()) done = Failure{DeviceFault{"stopped before the device was ready"}};
     if (!done) {
@@ -75,13 +77,27 @@ rtbus::Result<void, DeviceFault> ServoDevice::start(std::uint64_t) {
   return {};
 }
 
-ServoDevice::Started ServoDevice::initialise() {
-  if (!loaded_) {
-    auto hd = load_hd(settings_.library);
-    if (!hd) return Failure{DeviceFault{"driver openhaptics: " + hd.error()}};
-    hd_ = *hd;
-    loaded_ = true;
+ServoDevice::Started ServoDevice::load() {
+  if (loaded_) return {};
+  auto hd = load_hd(settings_.library);
+  if (!hd) return Failure{DeviceFault{"driver openhaptics: " + hd.error()}};
+  hd_ = *hd;
+  loaded_ = true;
+  return {};
+}
+
+ServoDevice::Started ServoDevice::claim() {
+  if (settings_.claim.empty()) return {};
+  auto taken = vendor::Claim::take(settings_.claim, settings_.owner);
+  if (!taken) {
+    return Failure{
+        DeviceFault{taken.error() + " has the device; end that session, or choose another device by `name:`"}};
   }
+  claim_ = std::move(*taken);
+  return {};
+}
+
+ServoDevice::Started ServoDevice::initialise() {
   if (settings_.prepare) {
     if (const std::string problem = settings_.prepare(); !problem.empty()) return Failure{DeviceFault{problem}};
   }
@@ -94,8 +110,13 @@ ServoDevice::Started ServoDevice::initialise() {
   const std::string which = settings_.name.empty() ? "the default device" : "the device \"" + settings_.name + "\"";
   handle_ = kInvalidHandle;
   const ErrorInfo shown = error.code != 0 ? error : ErrorInfo{0x0300, 0, 0};
-  return Failure{DeviceFault{which + " cannot be initialised: " + explain(shown) +
-                             "; the names of devices are those of the files in $GTDD_HOME/config"}};
+  std::string names;
+  for (const std::string& name : settings_.names.empty() ? devices_set_up() : settings_.names) {
+    names += (names.empty() ? "" : ", ") + name;
+  }
+  return Failure{DeviceFault{which + " cannot be initialised: " + explain(shown) + "; " +
+                             (names.empty() ? "none is set up for this user in $GTDD_HOME/config"
+                                            : "there is: " + names + "; name one of them by `name:`")}};
 }
 
 ServoDevice::Started ServoDevice::check_model() {
@@ -238,6 +259,7 @@ void ServoDevice::release() noexcept {
   if (handle_ != kInvalidHandle) hd_.hdDisableDevice(handle_);
   if (loaded_) (void)drain();
   handle_ = kInvalidHandle;
+  claim_.release();
   port_.set_state(io::LinkState::kStopped);
   runtime_taken.store(false);
 }

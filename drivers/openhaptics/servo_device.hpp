@@ -12,11 +12,13 @@
 #include <functional>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "drivers/device.hpp"
 #include "drivers/io/loop_port.hpp"
 #include "drivers/openhaptics/hd.hpp"
 #include "drivers/openhaptics/models.hpp"
+#include "drivers/vendor/claim.hpp"
 
 namespace drivers::openhaptics {
 
@@ -24,6 +26,9 @@ struct Settings {
   Model model;                       ///< With the limits of the device file.
   std::string library;               ///< Empty: the usual names.
   std::string name;                  ///< Of the vendor's configuration; empty: the default device.
+  std::vector<std::string> names;    ///< That the library knows; empty: those that are set up on this machine.
+  std::string claim;                 ///< What other sessions claim who mean the same device; empty: nobody does.
+  std::string owner;                 ///< Whom they are told.
   double max_force_wait_s = 300e-6;  ///< In the callback, for the force that answers its sample [s].
   int priority = 81;                 ///< SCHED_FIFO of the servo thread, one above the loop's.
   int core = -1;
@@ -58,6 +63,8 @@ class ServoDevice final : public Device {
 
  private:
   using Started = rtbus::Result<void, DeviceFault>;
+  [[nodiscard]] Started load();
+  [[nodiscard]] Started claim();
   [[nodiscard]] Started initialise();
   [[nodiscard]] Started check_model();
   [[nodiscard]] Started start_servo();
@@ -78,6 +85,7 @@ class ServoDevice final : public Device {
 
   Settings settings_;
   Hd hd_;
+  vendor::Claim claim_;
   io::LoopPort port_;
   bool loaded_ = false;
   Handle handle_ = kInvalidHandle;

@@ -7,6 +7,31 @@
 
 namespace drivers::vendor {
 
+std::string owner_name(const OpenContext& context) {
+  return "session " + context.session.name + (context.node_name.empty() ? "" : ", node " + context.node_name);
+}
+
+const std::vector<DriverModels>& models_of_vendors() {
+  static const std::vector<DriverModels> all{
+      {"force_dimension", {"omega3", "omega6", "omega7", "delta3", "delta6", "sigma7", "lambda3", "lambda7", "falcon"}},
+      {"openhaptics", {"touch", "touch_x", "omni", "desktop", "premium_1_5", "premium_3_0"}},
+      {"haply", {"inverse3", "minverse"}}};
+  return all;
+}
+
+std::string read_model(rtbus::config::Map& file, const std::vector<std::string>& names) {
+  const std::string asked = file.has("model") ? file.text("model") : "";
+  if (std::find(names.begin(), names.end(), asked) == names.end()) {
+    for (const DriverModels& other : models_of_vendors()) {
+      if (std::find(other.models.begin(), other.models.end(), asked) == other.models.end()) continue;
+      std::string own;
+      for (const std::string& name : names) own += (own.empty() ? "" : ", ") + name;
+      file.fail("model", "is a device of driver: " + std::string(other.driver) + "; set that driver, or choose " + own);
+    }
+  }
+  return file.choice("model", names);
+}
+
 void read_limits(rtbus::config::Map& file, DeviceInfo& info) {
   auto map = file.optional_map("limits");
   if (!map) return;

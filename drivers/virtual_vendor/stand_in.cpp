@@ -12,6 +12,19 @@ namespace drivers::virtual_vendor {
 using rtbus::config::Map;
 using rtbus::config::read_vector3;
 
+std::string explain(Plugged outcome, const char* library) {
+  switch (outcome) {
+    case Plugged::kYes:
+      return {};
+    case Plugged::kOtherBuild:
+      return std::string(library) + " belongs to another build of this program; build both again";
+    case Plugged::kInUse:
+      break;
+  }
+  return "another device of this process has the stand-in's unit; stop that one, or give this one another "
+         "virtual.serial";
+}
+
 UnitSettings default_unit(const DeviceInfo& info) {
   UnitSettings out;
   simulated::MechanicsParameters& m = out.mechanics;
@@ -30,6 +43,7 @@ void read_unit(Map& map, UnitSettings& unit) {
   unit.serial = map.text("serial", unit.serial);
   unit.call_us = map.number("call_us", {0.0, 20000.0}, unit.call_us);
   unit.in_use = map.boolean("in_use", unit.in_use);
+  unit.one_session = map.boolean("one_session", unit.one_session);
   unit.publish_state = map.boolean("publish_state", unit.publish_state);
   simulated::MechanicsParameters& m = unit.mechanics;
   if (auto mechanics = map.optional_map("mechanics")) {
@@ -72,10 +86,11 @@ double Unit::age_s(std::uint64_t now_ns) const noexcept {
   return now_ns > from_ns ? rtbus::seconds_between(from_ns, now_ns) : 0.0;
 }
 
-bool Unit::plugged_in(std::uint64_t now_ns) const noexcept {
+bool Unit::plugged_in(std::uint64_t now_ns) noexcept {
   const double t_s = age_s(now_ns);
   if (t_s < 0.0 || settings_.unplug_at_s < 0.0 || t_s < settings_.unplug_at_s) return true;
-  return settings_.replug_after_s >= 0.0 && t_s >= settings_.unplug_at_s + settings_.replug_after_s;
+  if (missed_ns_ == 0) missed_ns_ = now_ns;
+  return settings_.replug_after_s >= 0.0 && now_ns >= missed_ns_ + rtbus::ns_of(settings_.replug_after_s);
 }
 
 void Unit::advance_to(std::uint64_t now_ns) {

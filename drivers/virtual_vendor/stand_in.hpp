@@ -26,11 +26,22 @@ struct UnitSettings {
   double unplug_at_s = -1.0;     ///< < 0: never.
   double replug_after_s = -1.0;  ///< < 0: never.
   bool in_use = false;           ///< Another process has it.
+  bool one_session = false;      ///< One session at a time may have the unit of this serial, as with hardware.
   std::string trigger;           ///< Times of faults count from when this file exists; empty: from the first force.
   bool publish_state = false;    ///< `<node>.plant_state` shows what the hand feels (witness.hpp).
   rtbus::Session session;        ///< For that topic, as `node`. Not of the file.
   std::string node;
 };
+
+/// What came of plugging a unit into a stand-in's library.
+enum class Plugged : std::uint8_t {
+  kYes,
+  kOtherBuild,  ///< The library's settings are not those of this program.
+  kInUse,       ///< A unit that is open would be replaced.
+};
+
+/// What the user is told; empty: it worked.
+[[nodiscard]] std::string explain(Plugged outcome, const char* library);
 
 /// Defaults that follow the device's limits: its mass, force and workspace, own choice of friction.
 [[nodiscard]] UnitSettings default_unit(const DeviceInfo& info);
@@ -56,7 +67,8 @@ class Unit {
   [[nodiscard]] bool begun() const noexcept { return begin_ns_ != 0; }
   /// Seconds since begin(), or since the trigger; negative: that was not yet.
   [[nodiscard]] double age_s(std::uint64_t now_ns) const noexcept;
-  [[nodiscard]] bool plugged_in(std::uint64_t now_ns) const noexcept;
+  /// Asked in each exchange. It is plugged in again so long after the first answer that it is not.
+  [[nodiscard]] bool plugged_in(std::uint64_t now_ns) noexcept;
   [[nodiscard]] simulated::Mechanics& mechanics() noexcept { return mechanics_; }
   [[nodiscard]] const UnitSettings& settings() const noexcept { return settings_; }
   /// Lets the time pass.
@@ -68,6 +80,7 @@ class Unit {
   bool running_ = false;
   std::uint64_t begin_ns_ = 0;
   std::uint64_t triggered_ns_ = 0;
+  std::uint64_t missed_ns_ = 0;  ///< When somebody first found it unplugged.
 };
 
 /// Blocks the caller as an exchange with the device would.

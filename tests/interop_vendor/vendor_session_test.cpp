@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "rtbus/link_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/topic.hpp"
 #include "tests/support/process.hpp"
@@ -132,14 +133,21 @@ TEST_P(VendorSession, RunsObeysTheEmergencyStopAndReportsItsLink) {
   const std::string session = std::string(GetParam()) + std::to_string(getpid());
   const std::string file = testing::TempDir() + session + ".json";
   const std::string log = testing::TempDir() + session + ".log";
-  Child run({kBin + "rtbus", "run", config(std::string("wall_virtual_") + GetParam() + ".yaml"), "--duration", "3",
+  Child run({kBin + "rtbus", "run", config(std::string("wall_virtual_") + GetParam() + ".yaml"), "--duration", "60",
              "--report", file, "--no-plots", "--no-bare-loop", "--set", "session=" + session},
             log);
   EXPECT_TRUE(follow(session, 20.0, [](double force_n) { return force_n > 0.5; })) << "the hand pushes into the wall";
   Child stop({kBin + "rtbus", "estop", "-s", session}, "/dev/null");
   EXPECT_EQ(stop.wait(), 0);
   EXPECT_TRUE(follow(session, 2.0, [](double force_n) { return force_n == 0.0; }));
-  EXPECT_EQ(run.wait(), 0) << text_of(log);
+  rtbus::Session bus;
+  bus.name = session;
+  EXPECT_TRUE(eventually(20.0, [&] {  // however slow this machine is
+    auto link = rtbus::Reader<rtbus::LinkStats>::open(bus, "haptic0.link_stats");
+    rtbus::Stamped<rtbus::LinkStats> sample;
+    return link && link->read_latest(sample) == rtbus::ReadStatus::kFresh && sample.value.exchanges > 1000;
+  }));
+  EXPECT_EQ(run.end(SIGTERM), 0) << text_of(log);
   const json report = json::parse(text_of(file), nullptr, false);
   ASSERT_TRUE(report.is_object()) << text_of(log);
   const json& haptic = report["haptic"][0];
@@ -148,6 +156,40 @@ TEST_P(VendorSession, RunsObeysTheEmergencyStopAndReportsItsLink) {
   EXPECT_GT(haptic["force_n"]["peak"], 0.5) << "the hand pushes into the wall";
   EXPECT_EQ(haptic["safety"]["nonfinite"], 0);
   std::filesystem::remove(file);
+  std::filesystem::remove(log);
+}
+
+/// One session at a time may have a unit: the second learns whose it is, and nothing of it starts.
+TEST_P(VendorSession, ASecondOneOnTheSameDeviceIsRefusedWithTheFirstsName) {
+  const std::string serial = std::to_string(getpid() % 60000 + 1);
+  const std::string first = "vendorfirst" + std::string(GetParam()) + serial, second = "vendorsecond" + serial;
+  const std::string device = testing::TempDir() + first + ".device.yaml", log = testing::TempDir() + second + ".log";
+  const std::string model = GetParam() == std::string("omega")   ? "force_dimension, model: omega3"
+                            : GetParam() == std::string("touch") ? "openhaptics, model: touch"
+                                                                 : "haply, model: inverse3";
+  std::ofstream(device) << "{schema: device/1, driver: " << model << ", virtual: {serial: \"" << serial
+                        << "\", one_session: true}}\n";
+  const auto command = [&](const std::string& session) {
+    return std::vector<std::string>{kBin + "rtbus",
+                                    "run",
+                                    config(std::string("wall_virtual_") + GetParam() + ".yaml"),
+                                    "--duration",
+                                    "60",
+                                    "--no-plots",
+                                    "--no-bare-loop",
+                                    "--set",
+                                    "session=" + session,
+                                    "--set",
+                                    "haptic.0.device=" + device};
+  };
+  Child run(command(first), "/dev/null");
+  EXPECT_TRUE(follow(first, 20.0, [](double) { return true; })) << "its loop ticks";
+  Child refused(command(second), log);
+  EXPECT_NE(refused.wait(), 0);
+  EXPECT_THAT(text_of(log), HasSubstr("session " + first + ", node haptic0 (pid "));
+  EXPECT_TRUE(follow(first, 5.0, [](double) { return true; })) << "the first goes on";
+  EXPECT_EQ(run.end(SIGTERM), 0);
+  std::filesystem::remove(device);
   std::filesystem::remove(log);
 }
 

@@ -1,4 +1,5 @@
 // `rtbus devices`, `device-test` and `calibrate` on the stand-ins for makers' devices, as programs.
+#include <dlfcn.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -100,6 +101,50 @@ TEST_F(VendorTools, CalibrateMovesTheArmAfterConsentOnly) {
   agreed.emplace_back("--yes");
   EXPECT_EQ(rtbus(agreed), 0) << output();
   EXPECT_THAT(output(), HasSubstr("it has calibrated itself"));
+}
+
+// The guided tools do the driver's housekeeping: there a Touch that waits for its inkwell goes on.
+TEST_F(VendorTools, CalibrateGuidesATouchThroughItsInkwell) {
+  const std::string docks = testing::TempDir() + "vendordocks" + std::to_string(getpid());
+  tests::Child child({std::string(RTBUS_BINARY_DIR) + "/rtbus", "calibrate", device("virtual_touch.yaml"), "--set",
+                      "virtual.calibration=needs_inkwell", "--set", "virtual.docked_at_s=0", "--set",
+                      "virtual.faults.trigger=" + docks, "--yes"},
+                     output_file_);
+  EXPECT_TRUE(tests::eventually(20.0, [&] {
+    return output().find("put the stylus into its inkwell") != std::string::npos;
+  })) << output();
+  std::ofstream(docks) << "now";
+  EXPECT_EQ(child.wait(), 0) << output();
+  EXPECT_THAT(output(), HasSubstr("ready     ok"));
+  std::filesystem::remove(docks);
+}
+
+// What a set-up lacks is told without libHD too: it may be all that is left to do.
+TEST_F(VendorTools, DevicesWithAllLooksAtTheSetUpThoughLibHdIsNotThere) {
+  namespace fs = std::filesystem;
+  const fs::path home = testing::TempDir() + "vendornolib" + std::to_string(getpid());
+  fs::create_directories(home / ".3dsystems/config");
+  std::ofstream(home / ".3dsystems/config/Left.config") << "ModelType=OMNI\nChannel=300\n";
+  const auto look = [&](const std::string& gtdd_home) {
+    tests::Child child({"env", "HOME=" + home.string(), "GTDD_HOME=" + gtdd_home,
+                        std::string(RTBUS_BINARY_DIR) + "/rtbus", "devices", "--all"},
+                       output_file_);
+    return child.wait();
+  };
+  EXPECT_EQ(look(""), 0);
+  EXPECT_THAT(output(), HasSubstr("install OpenHaptics 3.4"));
+  EXPECT_THAT(output(), HasSubstr("Left.config: Channel 300, never set up: run Touch_HeadlessSetup or Touch_Setup"));
+  EXPECT_THAT(output(), HasSubstr("export GTDD_HOME=" + (home / ".3dsystems").string()));
+  EXPECT_EQ(look((home / "nowhere").string()), 0);
+  EXPECT_THAT(output(), HasSubstr("none is set up for this user: run Touch_Setup"));
+  void* const ncurses = dlopen("libncurses.so.5", RTLD_LAZY);
+  void* const tinfo = dlopen("libtinfo.so.5", RTLD_LAZY);
+  if (ncurses == nullptr || tinfo == nullptr) {
+    EXPECT_THAT(output(), HasSubstr("needs the packages libncurses5 and libtinfo5"));
+  } else {
+    EXPECT_THAT(output(), Not(HasSubstr("libncurses5")));
+  }
+  fs::remove_all(home);
 }
 
 TEST_F(VendorTools, DoctorWithVendorsAddsTheirState) {

@@ -13,6 +13,8 @@ Vector3d to_d(const Vector3d& fd) { return {fd.y(), fd.z(), fd.x()}; }
 
 /// Weight that the host carries ends soon when forces stop: own choice.
 constexpr std::uint64_t kGravityActsNs = 100'000'000;
+/// A user presses the force button again so long after the program has said that forces are off.
+constexpr std::uint64_t kPressedAgainNs = 500'000'000;
 /// Not calibrated: the position is off by this.
 const Vector3d kWrongBy_m{0.02, -0.03, 0.05};
 
@@ -38,9 +40,8 @@ void FdUnit::advance_to(std::uint64_t now_ns) {
   if (settings_.force_button_at_s < 0.0) return;
   if (button_presses_ == 0 && t_s > settings_.force_button_at_s && force_on_) {  // a press on forces that act
     button_presses_ = 1;
-    settings_.force_button_at_s = t_s;
     force_off(ForceOff::kButton);
-  } else if (button_presses_ == 1 && t_s > settings_.force_button_at_s + 0.5) {
+  } else if (button_presses_ == 1 && press_told_ns_ != 0 && now_ns > press_told_ns_ + kPressedAgainNs) {
     button_presses_ = 2;
     force_on_ = true;
     cause_ = ForceOff::kNone;
@@ -72,6 +73,10 @@ int FdUnit::set_force(const Vector3d& force_n, std::uint64_t now_ns) {
   }
   (void)unit_.mechanics().set_force(in_d, until_ns);
   return too_much ? 2 : 0;
+}
+
+void FdUnit::cause_told(std::uint64_t now_ns) noexcept {
+  if (button_presses_ == 1 && press_told_ns_ == 0) press_told_ns_ = now_ns;
 }
 
 void FdUnit::enable_force(bool on, std::uint64_t now_ns) {

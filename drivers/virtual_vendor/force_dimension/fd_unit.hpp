@@ -35,6 +35,8 @@ class FdUnit {
   /// In the maker's frame. 0: taken; 2: lowered to the limit; −1: refused, since it is not calibrated.
   int set_force(const Eigen::Vector3d& force_n, std::uint64_t now_ns);
   void enable_force(bool on, std::uint64_t now_ns);
+  /// The program has been told why forces are off: its user may press the button again from then on.
+  void cause_told(std::uint64_t now_ns) noexcept;
   void set_watchdog(std::uint8_t steps) noexcept { watchdog_ns_ = steps * std::uint64_t{125'000}; }
   void auto_init(std::uint64_t now_ns);
 
@@ -60,7 +62,8 @@ class FdUnit {
   bool force_on_ = false;
   ForceOff cause_ = ForceOff::kNone;
   bool has_blocked_ = false;
-  int button_presses_ = 0;  ///< Of the force button, taken notice of.
+  int button_presses_ = 0;           ///< Of the force button.
+  std::uint64_t press_told_ns_ = 0;  ///< When the program learned of the first one; 0: not yet.
   std::uint64_t watchdog_ns_ = 0;
   std::uint64_t last_force_ns_ = 0;
 };

@@ -16,6 +16,7 @@
 namespace {
 
 using drivers::virtual_vendor::block_for_us;
+using drivers::virtual_vendor::Plugged;
 using drivers::virtual_vendor::state_of;
 using drivers::virtual_vendor::Witness;
 using drivers::virtual_vendor::force_dimension::FdUnit;
@@ -54,23 +55,29 @@ FdUnit* unit_at(int index) {
   return index >= 0 && index < static_cast<int>(units.size()) ? units[static_cast<std::size_t>(index)].get() : nullptr;
 }
 
-/// An open unit that is plugged in; null, with the error set. Blocks as an exchange does.
-FdUnit* exchange_with(char id, std::unique_lock<std::mutex>& lock) {
-  const int index = id == -1 ? last_opened : id - kFirstId;
-  FdUnit* unit = unit_at(index);
-  if (unit == nullptr || !unit->open) {
-    (void)fail(kInvalidIndex);
-    return nullptr;
-  }
-  const double us = unit->blocks_us(monotonic_ns());
+/// The open unit of an ID; null, with the error set. Valid while the lock is held: whoever has let go of it asks again,
+/// since the unit may have been closed meanwhile, or another one plugged in for it.
+FdUnit* open_unit(char id) {
+  FdUnit* const unit = unit_at(id == -1 ? last_opened : id - kFirstId);
+  if (unit != nullptr && unit->open) return unit;
+  (void)fail(kInvalidIndex);
+  return nullptr;
+}
+
+/// Blocks without the lock. @returns the unit that is open under the ID then; null, with the error set.
+FdUnit* blocked(char id, double us, std::unique_lock<std::mutex>& lock) {
   lock.unlock();
   block_for_us(us);
   lock.lock();
-  unit = unit_at(index);  // meanwhile another one may have been plugged in for it
-  if (unit == nullptr || !unit->open) {
-    (void)fail(kInvalidIndex);
-    return nullptr;
-  }
+  return open_unit(id);
+}
+
+/// An open unit that is plugged in; null, with the error set. Blocks as an exchange does.
+FdUnit* exchange_with(char id, std::unique_lock<std::mutex>& lock) {
+  FdUnit* unit = open_unit(id);
+  if (unit == nullptr) return nullptr;
+  unit = blocked(id, unit->blocks_us(monotonic_ns()), lock);
+  if (unit == nullptr) return nullptr;
   if (!unit->unit().plugged_in(monotonic_ns())) {
     (void)fail(kCom);
     return nullptr;
@@ -108,18 +115,25 @@ int with(char id, Do act) {
 
 extern "C" {
 
-bool rtbus_plug_force_dimension(const Settings& settings, std::size_t bytes) {
-  if (bytes != sizeof(Settings)) return false;
+Plugged rtbus_plug_force_dimension(const Settings& settings, std::size_t bytes) {
+  if (bytes != sizeof(Settings)) return Plugged::kOtherBuild;
   static std::mutex plugging;  // the witness ends without the lock that it takes itself
   const std::lock_guard one_by_one(plugging);
+  const auto find_same = [&] {
+    return std::find_if(units.begin(), units.end(),
+                        [&](const auto& unit) { return unit->settings().unit.serial == settings.unit.serial; });
+  };
+  {
+    const std::lock_guard lock(mutex);
+    if (const auto same = find_same(); same != units.end() && (*same)->open) return Plugged::kInUse;
+  }
   witness.reset();
   const std::lock_guard lock(mutex);
   auto fresh = std::make_unique<FdUnit>(settings);
-  FdUnit* const seen = fresh.get();
-  const auto same = std::find_if(units.begin(), units.end(), [&](const auto& unit) {
-    return unit->settings().unit.serial == settings.unit.serial;
-  });
-  if (same == units.end()) {
+  FdUnit* const seen = fresh.get();  // lives until the next one is plugged in, and the witness ends before that
+  // What nobody has open has been pulled out for it: IDs and indexes begin anew.
+  if (std::none_of(units.begin(), units.end(), [](const auto& unit) { return unit->open; })) units.clear();
+  if (const auto same = find_same(); same == units.end()) {
     units.push_back(std::move(fresh));
   } else {
     *same = std::move(fresh);
@@ -129,7 +143,7 @@ bool rtbus_plug_force_dimension(const Settings& settings, std::size_t bytes) {
     seen->advance_to(now_ns);
     return state_of(seen->unit().mechanics(), now_ns);
   });
-  return true;
+  return Plugged::kYes;
 }
 
 void dhdGetSDKVersion(int* major, int* minor, int* release, int* revision) {
@@ -171,8 +185,8 @@ int dhdOpenSerial(int serial) {
 // Works for a device that is gone.
 int dhdClose(char id) {
   const std::lock_guard lock(mutex);
-  FdUnit* const unit = unit_at(id == -1 ? last_opened : id - kFirstId);
-  if (unit == nullptr || !unit->open) return fail(kInvalidIndex);
+  FdUnit* const unit = open_unit(id);
+  if (unit == nullptr) return -1;
   if (unit->unit().plugged_in(monotonic_ns())) unit->enable_force(false, monotonic_ns());  // else it does not hear it
   unit->open = false;
   return 0;
@@ -218,7 +232,8 @@ int dhdGetPositionAndOrientationFrame(double* x, double* y, double* z, double (*
   const int status = dhdGetPosition(x, y, z, id);
   if (status < 0) return status;
   const std::lock_guard lock(mutex);
-  FdUnit* const unit = unit_at(id == -1 ? last_opened : id - kFirstId);
+  FdUnit* const unit = open_unit(id);
+  if (unit == nullptr) return -1;
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(unit->settings().wrist_rad, Eigen::Vector3d::UnitZ()).matrix();
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) frame[row][column] = turn(row, column);
@@ -314,6 +329,7 @@ int dhdGetStatus(int* status, char id) {
     status[10] = unit.gravity;
     status[11] = unit.time_guard_us > 0.0;
     status[14] = static_cast<int>(unit.force_off_cause());
+    unit.cause_told(monotonic_ns());
     return 0;
   });
 }
@@ -389,12 +405,11 @@ bool drdIsRunning(char id) {
 // Moves the arm by itself, for seconds, and then holds it: regulation goes on until drdStop().
 int drdAutoInit(char id) {
   std::unique_lock lock(mutex);
-  FdUnit* const unit = exchange_with(id, lock);
+  FdUnit* unit = exchange_with(id, lock);
   if (unit == nullptr) return -1;
-  const double us = 1e6 * unit->settings().auto_init_s;
-  lock.unlock();
-  block_for_us(us);
-  lock.lock();
+  unit = blocked(id, 1e6 * unit->settings().auto_init_s, lock);
+  if (unit == nullptr) return -1;
+  if (!unit->unit().plugged_in(monotonic_ns())) return fail(kCom);
   unit->auto_init(monotonic_ns());
   return 0;
 }

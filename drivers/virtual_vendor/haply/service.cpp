@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "drivers/virtual_vendor/witness.hpp"
 #include "rtbus/clock.hpp"
@@ -54,6 +55,7 @@ struct Service::State {
   lws_context* context = nullptr;
   lws_vhost* events = nullptr;
   std::atomic<bool> ends{false};
+  std::atomic<int> pongs{0};
   int port = -1, events_port = -1;
   std::thread thread;
 
@@ -62,6 +64,7 @@ struct Service::State {
     std::string outgoing;  ///< Empty: nothing to send.
     std::size_t sent = 0;
     bool closes = false;
+    bool ping_due = false;
     bool hears_events = false;
     Vector3d force_n = Vector3d::Zero();  ///< That it commands, until so long after its last message.
     std::uint64_t until_ns = 0;
@@ -160,7 +163,13 @@ std::string Service::State::answer(lws* client, const std::string& text) {
            {"battery_level", 0.8}}},
          {"status", {{"awake", true}}}});
   }
-  return out.dump();
+  std::string reply = out.dump();
+  const auto wanted = static_cast<std::size_t>(settings.answer_bytes);
+  if (constexpr std::string_view kPadding = ",\"padding\":\"\""; reply.size() + kPadding.size() <= wanted) {
+    const std::string fill(wanted - reply.size() - kPadding.size(), 'x');
+    reply.insert(reply.size() - 1, ",\"padding\":\"" + fill + "\"");
+  }
+  return reply;
 }
 
 namespace {
@@ -171,7 +180,21 @@ Service::State& state_of(lws* socket) {
 
 int write_out(Service::State& state, lws* socket) {
   auto& client = state.clients[socket];
-  if (client.closes) return -1;
+  if (client.closes) {
+    if (state.settings.close_code != 0) {
+      std::string reason = "restarting";
+      lws_close_reason(socket, static_cast<lws_close_status>(state.settings.close_code),
+                       reinterpret_cast<unsigned char*>(reason.data()), reason.size());
+    }
+    return -1;
+  }
+  if (std::exchange(client.ping_due, false)) {
+    std::array<unsigned char, LWS_PRE + 5> ping{};
+    std::memcpy(ping.data() + LWS_PRE, "there", 5);
+    if (lws_write(socket, ping.data() + LWS_PRE, 5, LWS_WRITE_PING) < 0) return -1;
+    lws_callback_on_writable(socket);
+    return 0;
+  }
   if (client.outgoing.empty()) return 0;
   const std::size_t all = client.outgoing.size();
   const bool halves = state.settings.fragments && client.sent == 0 && all > 2;
@@ -179,7 +202,8 @@ int write_out(Service::State& state, lws* socket) {
   std::string frame(LWS_PRE, '\0');
   frame.append(client.outgoing, client.sent, bytes);
   const bool last = client.sent + bytes == all;
-  const int mode = (client.sent == 0 ? static_cast<int>(LWS_WRITE_TEXT) : static_cast<int>(LWS_WRITE_CONTINUATION)) |
+  const lws_write_protocol kind = state.settings.binary ? LWS_WRITE_BINARY : LWS_WRITE_TEXT;
+  const int mode = (client.sent == 0 ? static_cast<int>(kind) : static_cast<int>(LWS_WRITE_CONTINUATION)) |
                    (last ? 0 : static_cast<int>(LWS_WRITE_NO_FIN));
   const int wrote = lws_write(socket, reinterpret_cast<unsigned char*>(frame.data()) + LWS_PRE, bytes,
                               static_cast<lws_write_protocol>(mode));
@@ -189,6 +213,7 @@ int write_out(Service::State& state, lws* socket) {
     client.outgoing.clear();
     client.sent = 0;
   } else {
+    client.ping_due = state.settings.ping_within;
     lws_callback_on_writable(socket);
   }
   return 0;
@@ -253,7 +278,16 @@ int on_event(lws* socket, lws_callback_reasons reason, void*, void* in, std::siz
       return 0;
     case LWS_CALLBACK_SERVER_WRITEABLE:
       return write_out(state_of(socket), socket);
+    case LWS_CALLBACK_RECEIVE_PONG:
+      ++state_of(socket).pongs;
+      return 0;
     case LWS_CALLBACK_RECEIVE:
+      if (lws_frame_is_binary(socket) != 0) {
+        std::string why = "text frames alone";
+        lws_close_reason(socket, LWS_CLOSE_STATUS_UNACCEPTABLE_OPCODE, reinterpret_cast<unsigned char*>(why.data()),
+                         why.size());
+        return -1;
+      }
       state_of(socket).clients[socket].incoming.append(static_cast<const char*>(in), bytes);
       if (lws_is_final_fragment(socket) != 0 && lws_remaining_packet_payload(socket) == 0)
         take(state_of(socket), socket);
@@ -306,6 +340,7 @@ Service::~Service() {
 }
 
 int Service::port() const noexcept { return state_->port; }
+int Service::pongs() const noexcept { return state_->pongs.load(); }
 int Service::events_port() const noexcept { return state_->events_port; }
 
 Settings read(rtbus::config::Map& map, const DeviceInfo& info) {
@@ -325,7 +360,11 @@ Settings read(rtbus::config::Map& map, const DeviceInfo& info) {
   out.mute_at_s = map.number("mute_at_s", {-1.0, 1e6}, out.mute_at_s);
   out.mute_for_s = map.number("mute_for_s", {-1.0, 1e6}, out.mute_for_s);
   out.close_at_s = map.number("close_at_s", {-1.0, 1e6}, out.close_at_s);
+  out.close_code = static_cast<int>(map.integer("close_code", 0, 4999, out.close_code));
   out.fragments = map.boolean("fragments", out.fragments);
+  out.ping_within = map.boolean("ping_within", out.ping_within);
+  out.answer_bytes = static_cast<int>(map.integer("answer_bytes", 0, 2'000'000, out.answer_bytes));
+  out.binary = map.boolean("binary", out.binary);
   out.version = map.text("version", out.version);
   out.stall_at_s = map.number("stall_at_s", {-1.0, 1e6}, out.stall_at_s);
   out.other_client_n = rtbus::config::read_vector3(map, "other_client_n", {-10.0, 10.0}, out.other_client_n);

@@ -27,7 +27,11 @@ struct Settings {
   double mute_at_s = -1.0;                                   ///< No answers from then on …
   double mute_for_s = -1.0;                                  ///< … for so long; < 0: for good.
   double close_at_s = -1.0;                                  ///< It closes the connection once.
+  int close_code = 0;                                        ///< … with this code; 0: without one.
   bool fragments = false;                                    ///< Answers come in two fragments.
+  bool ping_within = false;                                  ///< With a ping between them.
+  int answer_bytes = 0;                                      ///< Answers are made so long, by a key that nobody knows.
+  bool binary = false;                                       ///< Answers come as binary frames.
   double stall_at_s = -1.0;                                  ///< It sends the event device-safety-triggered.
   Eigen::Vector3d other_client_n = Eigen::Vector3d::Zero();  ///< What another program commands, frame D [N].
   double grip_rad = 0.0;                                     ///< Turn of the grip about the vertical.
@@ -46,6 +50,8 @@ class Service {
   /// −1: it could not listen.
   [[nodiscard]] int port() const noexcept;
   [[nodiscard]] int events_port() const noexcept;
+  /// Pings that were answered.
+  [[nodiscard]] int pongs() const noexcept;
 
   struct State;
 

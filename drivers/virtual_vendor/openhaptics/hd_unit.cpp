@@ -93,7 +93,9 @@ bool HdUnit::docked(std::uint64_t now_ns) const noexcept {
 }
 
 std::uint32_t HdUnit::check_calibration(std::uint64_t now_ns) noexcept {
-  if (calibration_ == Calibration::kNeedsInkwell && docked(now_ns)) calibration_ = Calibration::kNeedsUpdate;
+  // The device remembers that the stylus has been in its inkwell, whenever it is asked.
+  const bool was_docked = settings_.docked_at_s >= 0.0 && unit_.age_s(now_ns) > settings_.docked_at_s;
+  if (calibration_ == Calibration::kNeedsInkwell && was_docked) calibration_ = Calibration::kNeedsUpdate;
   // Before the scheduler has run for a while nobody knows.
   if (ticks_ < settings_.wrong_ticks) return 0x5002;
   return calibration_ == Calibration::kDone ? 0x5000 : calibration_ == Calibration::kNeedsUpdate ? 0x5001 : 0x5002;

@@ -18,6 +18,7 @@
 
 namespace {
 
+using drivers::virtual_vendor::Plugged;
 using drivers::virtual_vendor::state_of;
 using drivers::virtual_vendor::Witness;
 using drivers::virtual_vendor::openhaptics::Calibration;
@@ -44,6 +45,7 @@ struct Scheduled {
 std::mutex mutex;
 ErrorStack errors;
 std::unique_ptr<HdUnit> unit;
+bool initialising = false;  ///< hdInitDevice() blocks without the lock.
 std::vector<Scheduled> callbacks;
 unsigned long next_scheduled = kFirstScheduled;
 std::thread servo;
@@ -94,8 +96,12 @@ void run_servo() {
 
 extern "C" {
 
-bool rtbus_plug_openhaptics(const Settings& settings, std::size_t bytes) {
-  if (bytes != sizeof(Settings) || servo_runs.load()) return false;
+Plugged rtbus_plug_openhaptics(const Settings& settings, std::size_t bytes) {
+  if (bytes != sizeof(Settings)) return Plugged::kOtherBuild;
+  {
+    const std::lock_guard lock(mutex);
+    if (servo_runs.load() || initialising || (unit != nullptr && unit->initialised)) return Plugged::kInUse;
+  }
   witness.reset();
   const std::lock_guard lock(mutex);
   errors.clear();
@@ -105,7 +111,7 @@ bool rtbus_plug_openhaptics(const Settings& settings, std::size_t bytes) {
     unit->unit().advance_to(now_ns);
     return state_of(unit->unit().mechanics(), now_ns);
   });
-  return true;
+  return Plugged::kYes;
 }
 
 // Takes its time and cannot be ended; makes the device current. May fail with an error, and without one.
@@ -120,9 +126,11 @@ std::uint32_t hdInitDevice(const char* name) {
     return kNoHandle;
   }
   const Settings settings = unit->settings();
+  initialising = true;  // nobody replaces the unit meanwhile
   lock.unlock();
   drivers::virtual_vendor::block_for_us(1e6 * settings.init_s);
   lock.lock();
+  initialising = false;
   if (settings.init == Init::kFailsSilently) return kNoHandle;
   const bool other = name != nullptr && name != settings.name;
   if (settings.init != Init::kWorks || other) {

@@ -33,7 +33,7 @@ struct Settings {
 };
 
 /// Makes this unit the one that the library shows. Call it while nothing is initialised. `bytes`: sizeof(Settings).
-using PlugFunction = bool (*)(const Settings& settings, std::size_t bytes);
+using PlugFunction = Plugged (*)(const Settings& settings, std::size_t bytes);
 inline constexpr char kPlugSymbol[] = "rtbus_plug_openhaptics";
 inline constexpr char kLibrary[] = "libstand_in_openhaptics.so";
 

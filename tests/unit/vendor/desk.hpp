@@ -54,6 +54,25 @@ struct ForeignLibrary {
       (std::filesystem::temp_directory_path() / ("rtbus-arm-" + std::to_string(::getpid()) + ".so")).string();
 };
 
+/// Faults of a stand-in that come when the test says so: their times count from pull(). Before that a test can wait for
+/// whatever has to be there first.
+class Trigger {
+ public:
+  Trigger() { std::filesystem::remove(file_); }
+  ~Trigger() { std::filesystem::remove(file_); }
+  Trigger(const Trigger&) = delete;
+  Trigger& operator=(const Trigger&) = delete;
+  /// The key `faults` of a stand-in, with more keys of that map.
+  [[nodiscard]] std::string key(const std::string& more = "") const {
+    return "faults: {trigger: " + file_ + (more.empty() ? "" : ", " + more) + "}";
+  }
+  void pull() const { std::ofstream(file_) << "now"; }
+
+ private:
+  const std::string file_ =
+      (std::filesystem::temp_directory_path() / ("rtbus-trigger-" + std::to_string(::getpid()))).string();
+};
+
 struct Desk {
   explicit Desk(const std::string& yaml) : config(parse_device(yaml)), device(std::move(*config->open({}))) {}
   ~Desk() { device->stop(); }
@@ -83,6 +102,10 @@ struct Desk {
   }
   bool ready(double seconds = 5.0) {
     return until(seconds, {}, [&] { return answered; });
+  }
+  /// Cycles until a notice with this text has come.
+  bool says(const std::string& text, double seconds = 5.0, const drivers::Vec3& force_n = {}) {
+    return until(seconds, force_n, [&] { return said.find(text) != std::string::npos; });
   }
   /// The tip moves by more than `way_m` along x within the time.
   bool moves(const drivers::Vec3& force_n, double way_m, double seconds) {

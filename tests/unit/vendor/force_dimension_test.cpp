@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <atomic>
 #include <cmath>
+#include <thread>
 
 #include "drivers/force_dimension/sdk.hpp"
 #include "drivers/virtual_vendor/force_dimension/plug.hpp"
@@ -18,6 +21,7 @@ namespace stand_in = virtual_vendor::force_dimension;
 using ::testing::HasSubstr;
 using tests::Desk;
 using tests::problem_of;
+using tests::Trigger;
 
 const std::string kLibrary = std::string(RTBUS_BINARY_DIR) + "/" + stand_in::kLibrary;
 
@@ -43,11 +47,12 @@ class FdLibrary : public ::testing::Test {
   }
   void TearDown() override { (void)sdk_.dhdClose(id_); }
   virtual void change(stand_in::Settings&) {}
-  static void plug(const stand_in::Settings& settings) {
+  static virtual_vendor::Plugged plugged(const stand_in::Settings& settings) {
     void* const library = dlopen(kLibrary.c_str(), RTLD_NOW | RTLD_NOLOAD);
     const auto function = reinterpret_cast<stand_in::PlugFunction>(dlsym(library, stand_in::kPlugSymbol));
-    ASSERT_TRUE(function(settings, sizeof settings));
+    return function(settings, sizeof settings);
   }
+  static void plug(const stand_in::Settings& settings) { ASSERT_EQ(plugged(settings), virtual_vendor::Plugged::kYes); }
 
   double z_m() {
     double p[3];
@@ -134,6 +139,7 @@ TEST_F(FdLibrary, AnIdIsNoIndex) {
 }
 
 class Uncalibrated : public FdLibrary {
+ protected:
   void change(stand_in::Settings& settings) override { settings.calibrated = false; }
 };
 
@@ -146,6 +152,42 @@ TEST_F(Uncalibrated, AfterCalibrationRegulationHasToBeStoppedOrForcesDoNothing) 
   EXPECT_NEAR(pushed_m(), 0.0, 1e-6) << "the naive order: forces right after drdAutoInit()";
   ASSERT_EQ(sdk_.drdStop(true, id_), 0);
   EXPECT_GT(pushed_m(), 1e-3);
+}
+
+class Slow : public Uncalibrated {
+  void change(stand_in::Settings& settings) override {
+    Uncalibrated::change(settings);
+    settings.auto_init_s = 0.3;
+  }
+};
+
+// The library's calls block for long without its lock: what they find afterwards may be another unit.
+TEST_F(Slow, ACallThatBlocksLooksItsUnitUpAgainAfterwards) {
+  int calibrated = 0, error = 0;
+  std::atomic<bool> begun{false};
+  std::thread caller([&] {
+    begun.store(true);
+    calibrated = sdk_.drdAutoInit(id_);
+    error = sdk_.dhdErrorGetLast();
+  });
+  while (!begun.load()) rest();
+  // Closed, and replaced by a new one, while the call blocks; or before it begins, which ends it as well.
+  rest();
+  ASSERT_EQ(sdk_.dhdClose(id_), 0);
+  stand_in::Settings fresh;
+  fresh.unit.serial = "1";
+  plug(fresh);
+  caller.join();
+  EXPECT_EQ(calibrated, -1);
+  EXPECT_EQ(error, 15) << "no such device";
+  ASSERT_EQ(sdk_.dhdOpenSerial(1), id_);  // for the end of the test
+}
+
+TEST_F(FdLibrary, AUnitThatIsOpenIsNotReplaced) {
+  stand_in::Settings same;
+  same.unit.serial = "1";
+  EXPECT_EQ(plugged(same), virtual_vendor::Plugged::kInUse);
+  EXPECT_GE(sdk_.dhdGetStatus(std::array<int, kStatusRoom>{}.data(), id_), 0);
 }
 
 // --- The driver -----------------------------------------------------------------------------------------------------
@@ -218,29 +260,38 @@ TEST(ForceDimension, CalibratesItselfOnlyWithConsent) {
 
 // A hand may be on it: it must not move by itself although auto_init was agreed to for the start.
 TEST(ForceDimension, NeverMovesByItselfWhenItLosesItsCalibrationInMidRun) {
-  Desk desk(omega("auto_init: true", "auto_init_s: 0.1, lose_calibration_at_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(omega("auto_init: true", "auto_init_s: 0.1, lose_calibration_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("lost its calibration") != std::string::npos; }));
+  trigger.pull();
+  EXPECT_TRUE(desk.says("lost its calibration"));
   EXPECT_FALSE(desk.until(1.0, {1.0, 0, 0}, [&] { return desk.answered; }));
 }
 
 TEST(ForceDimension, ItsForceButtonTurnsForcesOffAndOn) {
-  Desk desk(omega("", "force_button_at_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(omega("", "force_button_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("force button") != std::string::npos; })) << desk.said;
-  EXPECT_EQ(desk.read, IoStatus::kLost);
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.answered; })) << "pressed again";
+  trigger.pull();
+  bool lost = false;  // the second press comes when the driver has learned of the first, and not sooner
+  EXPECT_TRUE(desk.until(5.0, {}, [&] {
+    lost = lost || desk.read == IoStatus::kLost;
+    return lost && desk.said.find("force button") != std::string::npos;
+  })) << desk.said;
+  EXPECT_TRUE(desk.ready()) << "pressed again";
 }
 
 TEST(ForceDimension, UnpluggedAndPluggedInItComesBackWithASoftStart) {
-  Desk desk(omega("", "faults: {unplug_at_s: 0.3, replug_after_s: 0.5}"));
+  const Trigger trigger;
+  Desk desk(omega("", trigger.key("unplug_at_s: 0, replug_after_s: 0.5")));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return !desk.answered && desk.said.find("unplugged") != std::string::npos; }));
-  EXPECT_TRUE(desk.until(10.0, {}, [&] { return desk.answered; }));
-  EXPECT_THAT(desk.said, HasSubstr("the device is back"));
+  trigger.pull();
+  EXPECT_TRUE(desk.says("unplugged"));
+  EXPECT_TRUE(desk.says("the device is back", 10.0));
+  EXPECT_TRUE(desk.ready());
 }
 
 TEST(ForceDimension, ACallThatBlocksForLongerThanAPeriodCostsSamplesNotTheForce) {
@@ -251,27 +302,33 @@ TEST(ForceDimension, ACallThatBlocksForLongerThanAPeriodCostsSamplesNotTheForce)
 }
 
 TEST(ForceDimension, WhileACallHangsTheDevicesOwnWatchdogEndsTheForce) {
-  Desk desk(omega("", "block_at_s: 0.3, block_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(omega("", "block_at_s: 0, block_s: 0.3, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {1.0, 0, 0}, [&] { return desk.said.find("watchdog") != std::string::npos; }))
-      << desk.said;
+  trigger.pull();
+  EXPECT_TRUE(desk.says("watchdog", 5.0, {1.0, 0, 0})) << desk.said;
   EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.answered; })) << "the driver turns forces on again by itself";
 }
 
 TEST(ForceDimension, UnpluggedForGoodItSaysWhatToCheck) {
-  Desk desk(omega("", "faults: {unplug_at_s: 0.3}"));
+  const Trigger trigger;
+  Desk desk(omega("", trigger.key("unplug_at_s: 0")));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("no Force Dimension device") != std::string::npos; }))
-      << desk.said;
+  trigger.pull();
+  EXPECT_TRUE(desk.says("no Force Dimension device")) << desk.said;
 }
 
 TEST(ForceDimension, SaysWhatIsWrongBeforeAnythingStarts) {
   EXPECT_THAT(problem_of(omega("", "in_use: true")), HasSubstr("another program has the device"));
   EXPECT_THAT(problem_of(omega("", "system_type: 104")),
               HasSubstr("the device is a sigma.7, the device file says model: omega3"));
-  EXPECT_THAT(problem_of(omega("serial: 99", "")), HasSubstr("no device with serial number 99 opens"));
+  EXPECT_THAT(problem_of(omega("serial: 99", "serial: \"4711\"")),
+              HasSubstr("no device with serial number 99 opens: no device found (error 5); there is: omega.3 with "
+                        "serial 4711; correct `serial:`"));
+  EXPECT_THAT(problem_of(omega("serial: 99", "in_use: true")),
+              HasSubstr("there is: one that does not open: the device is in use"));
   EXPECT_THAT(problem_of("{schema: device/1, driver: force_dimension, model: delta3, auto_init: true}"),
               HasSubstr("calibrated by moving it by hand"));
   EXPECT_THAT(problem_of("{schema: device/1, driver: force_dimension, model: omega3, limits: {max_force_n: 13}}"),

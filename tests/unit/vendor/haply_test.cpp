@@ -15,6 +15,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using tests::Desk;
 using tests::problem_of;
+using tests::Trigger;
 
 TEST(ServiceMessages, OnlyTheFirstNamesTheProgramAndTheForceIsWhereTheReleaseLooksForIt) {
   std::string out;
@@ -141,19 +142,22 @@ TEST_F(Haply, TheVersionSaysWhichFieldItIs) {
 }
 
 TEST_F(Haply, EventsOfTheServiceAreShown) {
-  Desk desk(inverse3("stall_at_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(inverse3("stall_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("device-safety-triggered") != std::string::npos; }));
+  trigger.pull();
+  EXPECT_TRUE(desk.says("device-safety-triggered"));
   EXPECT_THAT(desk.said, HasSubstr("a motor stalls"));
-  EXPECT_TRUE(desk.answered) << "an event is a message, no fault";
+  EXPECT_TRUE(desk.ready()) << "an event is a message, no fault";
+  EXPECT_EQ(desk.device->link_stats()->losses, 0u);
 }
 
 // The naive way: believe that the force is one's own.
 TEST_F(Haply, MoreForceThanToldIsAFault) {
   Desk desk(inverse3("other_client_n: [1.5, 0, 0]"));
   ASSERT_TRUE(desk.device->start(0));
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("another program commands") != std::string::npos; }));
+  EXPECT_TRUE(desk.says("another program commands"));
 }
 
 TEST_F(Haply, SlowAnswersCostSamplesNotTheForce) {
@@ -197,33 +201,42 @@ TEST_F(Haply, SaysWhatIsWrongBeforeAnythingStarts) {
 }
 
 TEST_F(Haply, UncalibratedItHasNoForceAndSaysHowToCalibrate) {
-  Desk desk(inverse3("uncalibrate_at_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(inverse3("uncalibrate_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("magnet") != std::string::npos; }));
-  EXPECT_EQ(desk.read, IoStatus::kLost);
+  trigger.pull();
+  EXPECT_TRUE(desk.says("magnet"));
+  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.read == IoStatus::kLost; }));
 }
 
 TEST_F(Haply, UnpluggedItIsLostAndComesBack) {
-  Desk desk(inverse3("faults: {unplug_at_s: 0.3, replug_after_s: 0.5}"));
+  const Trigger trigger;
+  Desk desk(inverse3(trigger.key("unplug_at_s: 0, replug_after_s: 0.5")));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return !desk.answered && desk.said.find("unplugged") != std::string::npos; }));
-  EXPECT_TRUE(desk.until(10.0, {}, [&] { return desk.answered; })) << desk.said;
+  trigger.pull();
+  EXPECT_TRUE(desk.says("unplugged"));
+  EXPECT_TRUE(desk.says("the device is back", 10.0)) << desk.said;
+  EXPECT_TRUE(desk.ready());
 }
 
 TEST_F(Haply, AServiceThatFallsSilentIsLost) {
-  Desk desk(inverse3("mute_at_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(inverse3("mute_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("does not answer any more") != std::string::npos; }));
+  trigger.pull();
+  EXPECT_TRUE(desk.says("does not answer any more"));
 }
 
 TEST_F(Haply, AConnectionThatIsClosedIsOpenedAnew) {
-  Desk desk(inverse3("close_at_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(inverse3("close_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("closed the connection") != std::string::npos; }));
+  trigger.pull();
+  EXPECT_TRUE(desk.says("closed the connection"));
   EXPECT_TRUE(desk.ready(10.0)) << desk.said;
 }
 

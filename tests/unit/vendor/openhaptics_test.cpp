@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 #include <thread>
+#include <utility>
 
 #include "drivers/openhaptics/hd.hpp"
 #include "drivers/virtual_vendor/openhaptics/plug.hpp"
@@ -19,6 +20,7 @@ namespace stand_in = virtual_vendor::openhaptics;
 using ::testing::HasSubstr;
 using tests::Desk;
 using tests::problem_of;
+using tests::Trigger;
 
 const std::string kLibrary = std::string(RTBUS_BINARY_DIR) + "/" + stand_in::kLibrary;
 
@@ -29,7 +31,7 @@ Handle device = 0;
 enum class Naive { kNothing, kForceInEachFrame, kForceInOneFrame, kForceOutside, kTwoFrames, kInkwellAsInteger };
 std::atomic<Naive> naive{Naive::kNothing};
 std::atomic<int> ticks{0};
-std::atomic<double> x_mm{0.0};
+std::atomic<double> x_mm{0.0}, vx_mm_s{0.0};
 
 std::uint32_t callback(void*) {
   const double force[3] = {1.0, 0.0, 0.0};
@@ -39,6 +41,8 @@ std::uint32_t callback(void*) {
   double p[3] = {};
   hd->hdGetDoublev(kPosition, p);
   x_mm.store(p[0]);
+  hd->hdGetDoublev(kVelocity, p);
+  vx_mm_s.store(p[0]);
   int value = 0;
   if (now == Naive::kInkwellAsInteger) hd->hdGetIntegerv(kInkwellSwitch, &value);
   static int once = 0;
@@ -72,7 +76,7 @@ class HdLibrary : public ::testing::Test {
     settings.wrong_ticks = 5;
     void* const library = dlopen(kLibrary.c_str(), RTLD_NOW | RTLD_NOLOAD);
     const auto plug = reinterpret_cast<stand_in::PlugFunction>(dlsym(library, stand_in::kPlugSymbol));
-    ASSERT_TRUE(plug(settings, sizeof settings));
+    ASSERT_EQ(plug(settings, sizeof settings), virtual_vendor::Plugged::kYes);
     device = hd_.hdInitDevice(nullptr);
     ASSERT_LE(device, kLastPlausibleHandle);
     hd_.hdEnable(kForceOutput);
@@ -113,10 +117,18 @@ class HdLibrary : public ::testing::Test {
   SchedulerHandle scheduled_ = 0;
 };
 
+// Without friction a tip on which no force acts keeps its speed, however long a busy machine makes the ticks.
 TEST_F(HdLibrary, AFrameWithoutAForceSendsZero) {
-  const double once = speed_after(Naive::kForceInOneFrame);
-  const double each = speed_after(Naive::kForceInEachFrame) - once;
-  EXPECT_GT(each, 10.0 * std::max(once, 1e-4)) << "the naive way: set a force once, and believe that it stays";
+  naive.store(Naive::kForceInOneFrame);
+  wait_ticks(5);
+  const double once_mm_s = vx_mm_s.load();
+  EXPECT_GT(once_mm_s, 0.0) << "it acted in the one frame";
+  wait_ticks(40);
+  EXPECT_NEAR(vx_mm_s.load(), once_mm_s, 1e-6) << "the naive way: set a force once, and believe that it stays";
+  naive.store(Naive::kForceInEachFrame);
+  wait_ticks(40);
+  naive.store(Naive::kNothing);
+  EXPECT_GT(vx_mm_s.load(), once_mm_s + 30.0) << "1 N at 0.5 kg gives 80 mm/s in 40 ms";
 }
 
 TEST_F(HdLibrary, AForceOutsideAFrameIsAnErrorAndDoesNothing) {
@@ -167,10 +179,15 @@ TEST(OpenHaptics, PushesInTheDirectionThatIsAskedAroundTheMiddleOfItsWorkspace) 
     for (const double p : desk.sample.position_m) EXPECT_NEAR(p, 0.0, 1e-4) << "the library's origin is elsewhere";
     Vec3 force{};
     force[axis] = 2.0;
-    EXPECT_TRUE(desk.until(2.0, force, [&] { return desk.sample.position_m[axis] > 0.005; }));
-    // From rest by a constant acceleration of 4 m/s²: v² = 2·a·x.
-    const double x_m = desk.sample.position_m[axis], v_m_s = desk.sample.velocity_m_s[axis];
-    EXPECT_NEAR(v_m_s, std::sqrt(2.0 * 4.0 * x_m), 0.3 * v_m_s);
+    DeviceSample before, last;
+    EXPECT_TRUE(desk.until(2.0, force, [&] {
+      if (desk.sample.time_ns != last.time_ns) before = std::exchange(last, desk.sample);
+      return last.position_m[axis] > 0.005;
+    }));
+    // Its speed is that of its way, from one sample to the next.
+    const double v_m_s = last.velocity_m_s[axis];
+    const double way_m = last.position_m[axis] - before.position_m[axis];
+    EXPECT_NEAR(v_m_s, way_m / rtbus::seconds_between(before.time_ns, last.time_ns), 0.3 * v_m_s);
     for (std::size_t other = 0; other < 3; ++other) {
       if (other != axis) {
         EXPECT_NEAR(desk.sample.position_m[other], 0.0, 1e-4);
@@ -183,10 +200,9 @@ TEST(OpenHaptics, TheForceOfASampleLeavesInItsFrame) {
   Desk desk(touch(""));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  (void)desk.until(1.0, {}, [] { return false; });
+  EXPECT_TRUE(desk.until(20.0, {}, [&] { return desk.device->link_stats()->exchanges > 1000; }));
   const auto link = desk.device->link_stats();
   ASSERT_TRUE(link);
-  EXPECT_GT(link->exchanges, 500u);
   EXPECT_GT(link->sample_to_wire_p50_us, 0.0);
   EXPECT_LT(link->sample_to_wire_p50_us, 400.0) << "the callback waits 300 us at most";
 }
@@ -195,7 +211,9 @@ TEST(OpenHaptics, SaysWhyTheDeviceCannotBeInitialised) {
   EXPECT_THAT(problem_of(touch("init: fails")), HasSubstr("DEVICE_FAULT"));
   EXPECT_THAT(problem_of(touch("init: fails_silently")), HasSubstr("cannot be initialised"));
   EXPECT_THAT(problem_of(touch("init: busy")), HasSubstr("COMM_CONFIG_ERROR"));
-  EXPECT_THAT(problem_of(touch("", "name: left_hand")), HasSubstr("the device \"left_hand\" cannot be initialised"));
+  const std::string other_name = problem_of(touch("name: right_hand", "name: left_hand"));
+  EXPECT_THAT(other_name, HasSubstr("the device \"left_hand\" cannot be initialised"));
+  EXPECT_THAT(other_name, HasSubstr("there is: right_hand; name one of them by `name:`"));
   EXPECT_THAT(problem_of(touch("model_type: PHANTOM Desktop")), HasSubstr("set model: desktop"));
   EXPECT_THAT(problem_of("{schema: device/1, driver: openhaptics, model: touch}"),
               HasSubstr("install OpenHaptics 3.4 and the device driver package TouchDriver"));
@@ -216,11 +234,16 @@ TEST(OpenHaptics, SaysWhichLibraryIsMissingOrWrong) {
 
 TEST(OpenHaptics, AnInitialisationThatTakesSecondsEndsAsCancelled) {
   Desk desk(touch("init_s: 0.5"));
+  // Again and again, as the node does: a start() that has not begun does not hear it.
+  std::atomic<bool> returned{false};
   std::thread cancel([&] {
-    rtbus::sleep_until(rtbus::monotonic_ns() + 200 * rtbus::kNsPerMs);
-    desk.device->cancel_start();
+    while (!returned.load()) {
+      desk.device->cancel_start();
+      rtbus::sleep_until(rtbus::monotonic_ns() + 20 * rtbus::kNsPerMs);
+    }
   });
   const auto started = desk.device->start(0);
+  returned.store(true);
   cancel.join();
   ASSERT_FALSE(started);
   EXPECT_THAT(started.error().message, HasSubstr("stopped"));
@@ -235,12 +258,14 @@ TEST(OpenHaptics, OneDevicePerProcess) {
 }
 
 TEST(OpenHaptics, WaitsForTheInkwellWithoutForce) {
-  Desk desk(touch("calibration: needs_inkwell, docked_at_s: 0.5"));
+  const Trigger trigger;
+  Desk desk(touch("calibration: needs_inkwell, docked_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
-  EXPECT_TRUE(desk.until(3.0, {}, [&] { return desk.said.find("into its inkwell") != std::string::npos; }));
-  EXPECT_FALSE(desk.answered);
+  EXPECT_TRUE(desk.says("into its inkwell", 3.0));
+  EXPECT_FALSE(desk.until(0.2, {1.0, 0, 0}, [&] { return desk.answered; }));
+  trigger.pull();
   EXPECT_TRUE(desk.ready()) << desk.said;
-  EXPECT_THAT(desk.said, HasSubstr("the device is calibrated"));
+  EXPECT_TRUE(desk.says("the device is calibrated")) << desk.said;
 }
 
 TEST(OpenHaptics, CalibratesWhatCalibratesItself) {
@@ -250,9 +275,11 @@ TEST(OpenHaptics, CalibratesWhatCalibratesItself) {
 }
 
 TEST(OpenHaptics, CalibrationLostInMidRunMeansNoForce) {
-  Desk desk(touch("uncalibrate_at_s: 0.5"));
+  const Trigger trigger;
+  Desk desk(touch("uncalibrate_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
+  trigger.pull();
   double farthest_m = 0.0;  // the stand-in's pose is wrong by 40 mm from then on
   EXPECT_TRUE(desk.until(5.0, {}, [&] {
     farthest_m = std::max(farthest_m, std::abs(desk.sample.position_m[0]));
@@ -262,27 +289,33 @@ TEST(OpenHaptics, CalibrationLostInMidRunMeansNoForce) {
 }
 
 TEST(OpenHaptics, UnpluggedItIsLostAndSaysHowToGoOn) {
-  Desk desk(touch("faults: {unplug_at_s: 0.5}"));
+  const Trigger trigger;
+  Desk desk(touch(trigger.key("unplug_at_s: 0")));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("COMM_ERROR") != std::string::npos; }));
+  trigger.pull();
+  EXPECT_TRUE(desk.says("COMM_ERROR"));
   EXPECT_THAT(desk.said, HasSubstr("replug it"));
-  EXPECT_EQ(desk.read, IoStatus::kLost);
+  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.read == IoStatus::kLost; }));
 }
 
 TEST(OpenHaptics, AServoThreadThatStopsIsLostAndSaid) {
-  Desk desk(touch("stop_ticks_at_s: 0.5"));
+  const Trigger trigger;
+  Desk desk(touch("stop_ticks_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("has stopped") != std::string::npos; }));
-  EXPECT_EQ(desk.read, IoStatus::kLost);
+  trigger.pull();
+  EXPECT_TRUE(desk.says("has stopped"));
+  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.read == IoStatus::kLost; }));
 }
 
 TEST(OpenHaptics, WarmMotorsAreToldAndItGoesOn) {
-  Desk desk(touch("warm_at_s: 0.3"));
+  const Trigger trigger;
+  Desk desk(touch("warm_at_s: 0, " + trigger.key()));
   ASSERT_TRUE(desk.device->start(0));
   ASSERT_TRUE(desk.ready());
-  EXPECT_TRUE(desk.until(5.0, {}, [&] { return desk.said.find("WARM_MOTORS") != std::string::npos; }));
+  trigger.pull();
+  EXPECT_TRUE(desk.says("WARM_MOTORS"));
   EXPECT_TRUE(desk.ready());
 }
 
