@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -55,7 +56,12 @@ rtbus::Result<void, DeviceFault> LibusbChannel::prepare(const DeviceMatch& match
   libusb_set_auto_detach_kernel_driver(handle_.get(), 1);
   for (const int interface : match.interfaces) {
     if (const int error = libusb_claim_interface(handle_.get(), interface); error != 0) {
-      return rtbus::Failure{DeviceFault{explain(error, "claiming USB interface " + std::to_string(interface))}};
+      libusb_device* const device = libusb_get_device(handle_.get());
+      char node[40];
+      std::snprintf(node, sizeof node, "/dev/bus/usb/%03d/%03d", libusb_get_bus_number(device),
+                    libusb_get_device_address(device));
+      return rtbus::Failure{
+          DeviceFault{explain(error, "claiming USB interface " + std::to_string(interface), users_of({node}))}};
     }
     claimed_.push_back(interface);
   }

@@ -131,12 +131,15 @@ std::vector<std::string> users_of(const std::vector<std::string>& files) {
   return out;
 }
 
-std::string explain(int error, const std::string& what) {
+std::string explain(int error, const std::string& what, const std::vector<std::string>& users) {
+  std::string who;
+  for (const std::string& user : users) who += (who.empty() ? "" : ", ") + user;
   switch (error) {
     case LIBUSB_ERROR_ACCESS:
       return what + ": permission denied; " + kUdevRemedy;
     case LIBUSB_ERROR_BUSY:
-      return what + ": another program has it; end that program (`fuser -v /dev/bus/usb/*/*` names it)";
+      return what + ": " + (who.empty() ? "another program" : who) + " has it; end that program" +
+             (who.empty() ? " (`fuser -v /dev/bus/usb/*/*` names it)" : "");
     case LIBUSB_ERROR_NO_DEVICE:
     case LIBUSB_ERROR_NOT_FOUND:
       return what + ": the device is gone";

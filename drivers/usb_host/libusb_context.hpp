@@ -64,7 +64,9 @@ struct UsbListing {
 /// process.
 [[nodiscard]] std::vector<std::string> users_of(const std::vector<std::string>& files);
 
-/// The sentence for a libusb error code at `what`: "claiming interface 0: another program has it: …".
-[[nodiscard]] std::string explain(int libusb_error, const std::string& what);
+/// The sentence for a libusb error code at `what`: "claiming interface 0: haptic_node (pid 4711) has it; …". `users`:
+/// who has the device, where that can be seen.
+[[nodiscard]] std::string explain(int libusb_error, const std::string& what,
+                                  const std::vector<std::string>& users = {});
 
 }  // namespace drivers::usb

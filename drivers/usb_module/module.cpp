@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -52,7 +53,9 @@ const std::vector<UsbDriver>& driver_table() {
   return all;
 }
 
-const Row* row_of(std::uint16_t vendor_id, std::uint16_t product_id) {
+// A Haply Inverse3 has the ids of a Teensy. One that tells its name is no arm of ours: nothing is sent to it.
+const Row* row_of(std::uint16_t vendor_id, std::uint16_t product_id, std::string_view product) {
+  if (product.starts_with("Haply")) return nullptr;
   for (const Row& row : rows()) {
     if (row.driver.vendor_id == vendor_id && row.driver.product_id == product_id) return &row;
   }
@@ -120,7 +123,8 @@ void ask(FoundDevice& found, const Row& row, const ListRequest& request) {
   } else if (!row.ask_unnamed && !named) {
     found.not_asked = "many kinds of device have these USB ids";
     found.remedy = "if it is an arm, `rtbus devices " + found.usb_id() +
-                   (found.serial.empty() ? "" : ":" + found.serial) + "` asks it";
+                   (found.serial.empty() ? "" : ":" + found.serial) +
+                   "` asks it; an older Haply Inverse3 looks the same, and belongs to its service";
   } else if (!found.kernel_driver.empty() && !named) {
     found.not_asked = "the kernel's driver " + found.kernel_driver + " has it";
   } else if (request.ask) {
@@ -138,7 +142,7 @@ FoundDevice describe_virtual(const DeviceConfig& config, const ListRequest& requ
   found.product_id = usb.match().product_id;
   found.node = "virtual";
   found.permitted = true;
-  if (const Row* const row = row_of(found.vendor_id, found.product_id)) found.driver = row->driver.name;
+  if (const Row* const row = row_of(found.vendor_id, found.product_id, "")) found.driver = row->driver.name;
   const virtual_usb::VirtualDevice device = usb.make_virtual();
   const auto& strings = device.device->descriptors().strings;  // manufacturer, product, serial; ASCII
   if (strings.size() > 1) found.product.assign(strings[1].begin(), strings[1].end());
@@ -164,7 +168,7 @@ FoundDevices list(const ListRequest& request) {
       found.node = each.node;
       found.kernel_driver = each.kernel_driver;
       found.permitted = each.readable;
-      if (const Row* const row = row_of(each.vendor_id, each.product_id)) {
+      if (const Row* const row = row_of(each.vendor_id, each.product_id, each.product)) {
         found.driver = row->driver.name;
         for (const std::string& user : users_of(each.files)) {
           found.in_use_by += (found.in_use_by.empty() ? "" : ", ") + user;

@@ -35,7 +35,7 @@ class Bus : public testing::Test {
 
   /// Plugs an echo device into port `port` of bus 1; with other ids for another kind of device.
   void plug(int port, const std::string& serial, std::uint16_t vendor = tests::EchoDevice::kVendor,
-            std::uint16_t product = tests::EchoDevice::kProduct) {
+            std::uint16_t product = tests::EchoDevice::kProduct, const std::string& name = "Echo") {
     const tests::EchoDevice device;
     auto first = device.descriptors().device;
     for (const int i : {0, 1}) {
@@ -127,6 +127,23 @@ TEST_F(Bus, ATeensyIsAskedOnlyWhenItWasNamed) {
   EXPECT_THAT(by_serial("T1").not_asked, testing::Not(HasSubstr("many kinds"))) << "it was tried";
 }
 
+// The Haply Inverse3 has the ids of a Teensy. Its service has it: no driver of ours takes it, and nothing is sent to
+// it.
+TEST_F(Bus, AnInverse3ThatTellsItsNameIsNoArm) {
+  ASSERT_NO_FATAL_FAILURE(plug(1, "H1", 0x16c0, 0x0483, "Haply inverse3"));
+  const auto module = load_usb_module();
+  ASSERT_TRUE(module) << module.error();
+  ListRequest request;
+  request.ask = true;
+  request.named = "16c0:0483:H1";
+  const FoundDevices found = (*module)->list(request);
+  ASSERT_EQ(found.devices.size(), 1u) << found.problem;
+  EXPECT_EQ(found.devices[0].product, "Haply inverse3");
+  EXPECT_EQ(found.devices[0].driver, "");
+  EXPECT_FALSE(found.devices[0].asked);
+  EXPECT_EQ(found.devices[0].not_asked, "") << "it was not even considered";
+}
+
 TEST(FoundDevices, AreCalledByIdSerialBothOrDriver) {
   FoundDevice device;
   device.vendor_id = 0x0403;
@@ -146,6 +163,8 @@ TEST(Explain, PermissionNamesTheRulesAndHowToInstallThem) {
   EXPECT_THAT(text, HasSubstr("config/udev/70-rtbus-haptics.rules"));
   EXPECT_THAT(text, HasSubstr("udevadm control --reload"));
   EXPECT_THAT(explain(-6 /* LIBUSB_ERROR_BUSY */, "claiming"), HasSubstr("another program has it"));
+  EXPECT_EQ(explain(-6, "claiming", {"haptic_node (pid 4711)"}),
+            "claiming: haptic_node (pid 4711) has it; end that program");
 }
 
 }  // namespace

@@ -11,7 +11,8 @@
 
 namespace tools {
 
-/// Devices on the bus with USB ids of such makers, from /sys/bus/usb/devices below `root` ("" but in tests).
+/// Devices on the bus with USB ids of such makers, and whether this user may open them and their serial ports and HID
+/// nodes, from /sys/bus/usb/devices below `root` ("" but in tests).
 [[nodiscard]] std::vector<drivers::usb::FoundDevice> vendor_devices_on_bus(const std::string& root = "");
 
 /// Adds them to a list that may contain them already, without a driver.
@@ -21,7 +22,8 @@ void add_vendor_devices(std::vector<drivers::usb::FoundDevice>& devices);
 [[nodiscard]] drivers::usb::FoundDevice describe_stand_in(const drivers::DeviceConfig& config,
                                                           const std::string& driver);
 
-/// What each maker's module finds on this machine; maps their libraries and asks their devices.
-[[nodiscard]] std::vector<drivers::Finding> vendor_findings();
+/// Who may open what is on the bus (`root` as above), and what each maker's module finds on this machine; maps their
+/// libraries and asks their devices.
+[[nodiscard]] std::vector<drivers::Finding> vendor_findings(const std::string& root = "");
 
 }  // namespace tools
