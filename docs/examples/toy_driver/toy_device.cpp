@@ -36,6 +36,7 @@ std::unique_ptr<drivers::DeviceConfig> parse(rtbus::config::Map& file) {
 
 rtbus::Result<void, drivers::DeviceFault> Device::start(std::uint64_t now_ns) {
   position_m_ = velocity_m_s_ = force_n_ = {};
+  clamped_ = 0;
   time_ns_ = now_ns;
   running_ = true;
   return {};

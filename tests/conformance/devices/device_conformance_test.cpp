@@ -383,11 +383,13 @@ TEST_P(DeviceConformance, ForceEndsByItselfWhenWritesStop) {
 
 TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
   ASSERT_NO_FATAL_FAILURE(start());
+  write_for(1, {std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0});
+  EXPECT_EQ(device_->clamped(), 1u);
   write_for(30, {gentle_n(), 0.0, 0.0});
   stop();
   stop();
   ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
-  EXPECT_EQ(device_->clamped(), 0u);
+  EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
   const Vector3d soon = coasting_velocity_m_s(20);
   const Vector3d later = coasting_velocity_m_s(20);
   EXPECT_LE(later.x(), soon.x() + 0.03 * std::abs(soon.x()) + speed_noise_m_s())
