@@ -12,6 +12,7 @@
 #include "rtbus/clock.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/order_messages.hpp"
 #include "rtbus/subscription.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/cli/common/interrupt.hpp"
@@ -23,6 +24,10 @@ namespace tools {
 namespace {
 
 constexpr double kStart_s = 40.0, kLongestReturn_s = 30.0;
+/// A command takes at most a second for its answer, and as long as a busy machine needs to start it.
+constexpr double kToolEnd_s = 20.0;
+/// The promise is 100 ms (docs/orders.md); a paused machine adds to it, and the check of returns judges the speed.
+constexpr double kOrderFelt_s = 5.0;
 constexpr double kPressed_n = 0.3;
 constexpr std::uint64_t kLook_ns = 10 * rtbus::kNsPerMs;
 
@@ -56,6 +61,7 @@ class Soak {
     session_.name = setup.name;
     plant_.emplace(session_, "haptic0.plant_state");
     stats_.emplace(session_, "haptic0.loop_stats");
+    order_topic_.emplace(session_, "haptic0.orders");
   }
 
   SoakOutcome run() {
@@ -94,8 +100,10 @@ class Soak {
       out_.least_absorbed_j = std::min(out_.least_absorbed_j, last_.energy_absorbed_j);
     }
     if (observers_) observers_->look();
+    (void)order_topic_->read_latest(orders_);
     plant_->maintain();
     stats_->maintain();
+    order_topic_->maintain();
   }
   void bank() {
     out_.ticks += last_.ticks;
@@ -111,8 +119,11 @@ class Soak {
       look();
       if (condition()) return true;
       if (auto ended = supervisor_.poll()) {
-        if (ended->name == kRun) take_end(*ended);
-        if (ended->name == kRun) return false;
+        if (ended->name == kRun) {
+          take_end(*ended);
+          return false;
+        }
+        if (ended->name == tool_) tool_end_ = std::move(ended);
       }
       rtbus::sleep_until(rtbus::monotonic_ns() + kLook_ns);
     }
@@ -158,17 +169,52 @@ class Soak {
     follow(random_.between(0.05, 1.2));
     signal_child(program, SIGCONT);
   }
-  void run_tool(std::vector<std::string> arguments, bool kill_it) {
-    const std::string name = "tool " + std::to_string(++tools_);
-    if (!supervisor_.start({name, Stage::kRecorder, setup_.program, std::move(arguments)})) return;
-    pid_t tool = 0;
-    for (const ChildView& child : supervisor_.running()) tool = child.name == name ? child.pid : tool;
-    follow(kill_it ? random_.between(0.05, 0.8) : 0.5);
-    const auto running = supervisor_.running();
-    const bool lives =
-        std::any_of(running.begin(), running.end(), [&](const auto& child) { return child.name == name; });
-    if (lives && tool > 1) ::kill(tool, kill_it ? SIGKILL : SIGINT);
-    follow(0.1);
+  /// @returns its process; 0: it could not be started.
+  pid_t start_tool(std::vector<std::string> arguments) {
+    tool_ = "tool " + std::to_string(++tools_);
+    tool_end_.reset();
+    if (auto started = supervisor_.start({tool_, Stage::kRecorder, setup_.program, std::move(arguments)}); !started) {
+      out_.problem = started.error();
+      return 0;
+    }
+    return supervisor_.running().back().pid;
+  }
+  void kill_tool(std::vector<std::string> arguments) {
+    const pid_t tool = start_tool(std::move(arguments));
+    follow(random_.between(0.05, 0.8));
+    if (tool > 1 && !tool_end_) ::kill(tool, SIGKILL);
+    (void)follow_until(kToolEnd_s, [this] { return tool_end_.has_value(); });
+  }
+  /// An order by the command that users take. It ends by itself: it has a limit of its own for the answer.
+  /// @returns whether the order was taken.
+  bool order(std::vector<std::string> arguments) {
+    const std::string what = arguments[0] + (arguments.size() > 1 ? " " + arguments[1] : "");
+    arguments.insert(arguments.end(), {"--session", setup_.name});
+    if (start_tool(std::move(arguments)) == 0) return false;
+    if (!follow_until(kToolEnd_s, [this] { return tool_end_.has_value(); })) {
+      if (out_.problem.empty()) out_.problem = "rtbus " + what + " had not ended after " + in_seconds(kToolEnd_s);
+      return false;
+    }
+    if (tool_end_->wait_status == 0) return true;
+    out_.problem = "rtbus " + what + " " + tool_end_->how();
+    for (const std::string& line : tool_end_->last_words) out_.problem += "\n  " + line;
+    return false;
+  }
+  static std::string in_seconds(double seconds) { return std::to_string(static_cast<int>(seconds)) + " s"; }
+  /// An E-stop that was taken is in the topic of orders, and soon at the hand.
+  void estop_and_rearm() {
+    if (!order({"estop"})) return;
+    const std::uint64_t taken_ns = rtbus::monotonic_ns();
+    if (orders_.value.estop == 0 && !follow_until(kOrderFelt_s, [this] { return orders_.value.estop != 0; })) {
+      if (out_.problem.empty()) out_.problem = "rtbus estop ended well, but haptic0.orders does not tell of an E-stop";
+      return;
+    }
+    const auto felt = [&] { return felt_ns_ > taken_ns && force_n_ == 0.0; };
+    if (!follow_until(kOrderFelt_s, felt)) {
+      if (out_.problem.empty()) out_.problem = "an E-stop that was ordered did not end in zero force";
+      return;
+    }
+    (void)order({"estop", "--rearm"});
   }
 
   void happen(SoakEvent event) {
@@ -183,6 +229,8 @@ class Soak {
         return stop_for_a_while("haptic_node");
       case SoakEvent::kPlantKilled:
         return signal_child("simulated_plant", SIGKILL);
+      case SoakEvent::kPlantStopped:
+        return stop_for_a_while("simulated_plant");
       case SoakEvent::kTopicsDeleted:
         for (const rtbus::TopicInfo& topic : rtbus::list_topics(session_.name)) {
           ::unlink(("/dev/shm/" + rtbus::segment_name(session_.name, topic.topic)).c_str());
@@ -194,11 +242,9 @@ class Soak {
         observers_.reset();
         return;
       case SoakEvent::kObserverKilled:
-        return run_tool({"echo", "haptic0.telemetry", "--session", setup_.name}, true);
+        return kill_tool({"echo", "haptic0.telemetry", "--session", setup_.name});
       case SoakEvent::kEstop:
-        run_tool({"estop", "--session", setup_.name}, false);
-        if (!follow_until(5.0, [this] { return force_n_ == 0.0; })) out_.problem = "an E-stop did not end in zero";
-        return run_tool({"estop", "--rearm", "--session", setup_.name}, false);
+        return estop_and_rearm();
     }
   }
 
@@ -238,6 +284,7 @@ class Soak {
     (void)supervisor_.end_all();
     plant_.reset();
     stats_.reset();
+    order_topic_.reset();
     out_.left_over = segments_of(session_.name);
     out_.growth = watch_.growth();
   }
@@ -257,16 +304,20 @@ class Soak {
   ProcessWatch watch_;
   std::optional<rtbus::Subscription<rtbus::PlantState>> plant_;
   std::optional<rtbus::Subscription<rtbus::LoopStats>> stats_;
+  std::optional<rtbus::Subscription<rtbus::Orders>> order_topic_;
+  rtbus::Stamped<rtbus::Orders> orders_;
   std::unique_ptr<Observers> observers_;
+  std::string tool_;                  ///< The last one that was started,
+  std::optional<ChildEnd> tool_end_;  ///< and how it ended.
   Supervisor supervisor_;
 };
 
 }  // namespace
 
 const char* to_string(SoakEvent event) noexcept {
-  static constexpr const char* kNames[kSoakEvents] = {"physics killed",      "physics stopped", "haptic node killed",
-                                                      "haptic node stopped", "plant killed",    "topics deleted",
-                                                      "observers",           "observer killed", "E-stop"};
+  static constexpr const char* kNames[kSoakEvents] = {
+      "physics killed", "physics stopped", "haptic node killed", "haptic node stopped", "plant killed",
+      "plant stopped",  "topics deleted",  "observers",          "observer killed",     "E-stop"};
   return kNames[static_cast<std::size_t>(event)];
 }
 

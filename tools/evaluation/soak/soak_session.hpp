@@ -17,13 +17,14 @@ enum class SoakEvent : std::uint8_t {
   kPhysicsStopped,
   kHapticKilled,
   kHapticStopped,
-  kPlantKilled,
+  kPlantKilled,   ///< The device is gone,
+  kPlantStopped,  ///< or stalls.
   kTopicsDeleted,
   kObservers,
   kObserverKilled,
   kEstop,
 };
-inline constexpr int kSoakEvents = 9;
+inline constexpr int kSoakEvents = 10;
 [[nodiscard]] const char* to_string(SoakEvent event) noexcept;
 
 struct SoakSetup {
