@@ -5,12 +5,25 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "rtbus/realtime.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/cli/orders/order_socket.hpp"
 
 namespace tools {
 
 namespace {
+
+/// The calling thread comes before ordinary programs while this lives, where the user has the right.
+class OnTime {
+ public:
+  OnTime() { (void)rtbus::prefer_on_time(); }
+  ~OnTime() { before_.restore(); }
+  OnTime(const OnTime&) = delete;
+  OnTime& operator=(const OnTime&) = delete;
+
+ private:
+  rtbus::ThreadScheduling before_;
+};
 
 /// @returns how many got the signal.
 int end_haptic_nodes(const std::string& session) {
@@ -27,6 +40,7 @@ int end_haptic_nodes(const std::string& session) {
 }  // namespace
 
 rtbus::Result<std::string, std::string> emergency_stop(const std::string& session, const std::string& reason) {
+  const OnTime on_time;
   nlohmann::json order{{"order", "estop"}};
   if (!reason.empty()) order["reason"] = reason;
   const auto reply = send_order(session, order);

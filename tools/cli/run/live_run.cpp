@@ -15,6 +15,8 @@
 #include <vector>
 
 #include "rtbus/clock.hpp"
+
+#include "rtbus/realtime.hpp"
 #include "rtbus/topic.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/cli/common/command.hpp"
@@ -419,6 +421,10 @@ int Run::finish() {
 }
 
 int Run::operator()() {
+  // Who takes the orders has to get a CPU on a busy machine too, and so has a process that was killed: only when it has
+  // ended does the kernel send its children SIGTERM. The loops and what started them come first.
+  const rtbus::ThreadScheduling ordinary;
+  (void)rtbus::prefer_on_time();
   report_.config = options_.file;
   report_.overrides = options_.assignments;
   report_.session = plan_.session.name;
@@ -447,6 +453,7 @@ int Run::operator()() {
   drain();  // what the nodes published last is still mapped here
   // A node that was killed could not remove its topics.
   rtbus::remove_dead(plan_.session.name);
+  ordinary.restore();
   if (!started) return kExitFailed;
   fill_report(*first, *last);
   return finish();
