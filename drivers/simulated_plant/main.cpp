@@ -1,6 +1,7 @@
 // simulated_plant: the mechanics of a simulated device (`process: own`) in a process of their own.
 #include <signal.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <exception>
@@ -13,6 +14,7 @@
 #include "drivers/registry/registry.hpp"
 #include "drivers/simulated/plant.hpp"
 #include "drivers/simulated/simulated_config.hpp"
+#include "rtbus/clock.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/ending_signals.hpp"
 #include "rtbus/node_log.hpp"
@@ -71,7 +73,10 @@ std::optional<int> parse(int argc, char** argv, Arguments& out) {
   return std::nullopt;
 }
 
-int run(Plant& plant, const std::string& node, const sigset_t& endings) {
+/// How long the plant goes on after the force time-out: who looks on sees that it is at zero.
+constexpr std::uint64_t kAtZero_ns = 30 * rtbus::kNsPerMs;
+
+int run(Plant& plant, std::uint64_t force_timeout_ns, const std::string& node, const sigset_t& endings) {
   std::atomic<bool> stop{false};
   std::thread loop([&] {
     rtbus::name_this_thread("plant_loop");
@@ -83,6 +88,13 @@ int run(Plant& plant, const std::string& node, const sigset_t& endings) {
   // This thread does what needs the kernel, until a signal ends it.
   const timespec pause{0, 20'000'000};
   while (::sigtimedwait(&endings, nullptr, &pause) < 0) plant.maintain();
+  // A device does not end with its node: when `rtbus run` was killed, both get the signal at once. The last command
+  // acts until the node takes it back, or until it times out.
+  const std::uint64_t end_ns = rtbus::monotonic_ns() + force_timeout_ns + kAtZero_ns;
+  for (std::uint64_t now_ns = 0; (now_ns = rtbus::monotonic_ns()) < end_ns;) {
+    plant.maintain();
+    rtbus::sleep_until(std::min(end_ns, now_ns + 5 * rtbus::kNsPerMs));
+  }
   stop.store(true, std::memory_order_relaxed);
   loop.join();
   return 0;
@@ -118,7 +130,7 @@ int main(int argc, char** argv) {
       spdlog::error("{}.plant_state: {}", arguments.node, rtbus::to_string(plant.error()));
       return kFailed;
     }
-    return run(**plant, arguments.node, endings);
+    return run(**plant, simulated->settings().force_timeout_ns(), arguments.node, endings);
   } catch (const rtbus::config::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kUsage;

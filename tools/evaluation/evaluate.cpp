@@ -54,8 +54,10 @@ struct EvaluateOptions {
   bool no_maps = false;
   std::string seeds;  ///< A file with one number at the beginning of each line.
   std::optional<std::uint64_t> one_case;
-  double minutes = 1.0;         ///< Of soak.
-  std::uint64_t soak_seed = 1;  ///< Likewise.
+  double minutes = 1.0;           ///< Of soak.
+  std::uint64_t soak_seed = 1;    ///< Likewise.
+  bool list = false;              ///< Of faults: its rows.
+  std::vector<std::string> only;  ///< Likewise: those that are run.
 };
 
 /// One experiment. Throws rtbus::config::Error when what the user asked for cannot be.
@@ -149,7 +151,8 @@ void run_faults(const EvaluateOptions& options, Experiment& experiment) {
   faults.stand_ins = std::filesystem::path(find_config("wall_own_plant.yaml")).parent_path().string();
   faults.quick = options.quick;
   faults.program = folder_of_this_program() + "/rtbus";
-  faults.runs = options.quick ? 1 : 3;
+  faults.runs = options.quick || !options.only.empty() ? 1 : 3;
+  faults.only = options.only;
   evaluate_faults(faults, experiment);
 }
 
@@ -184,7 +187,7 @@ constexpr std::array kExperiments{
     Row{"work-precision", "force error against run time", true, true, &run_work_precision, true},
     Row{"local-contact", "each claim of the method local_contact", false, true, &run_local_contact, true},
     Row{"stability", "seeded cases from easy to absurd, and maps", true, true, &run_stability},
-    Row{"faults", "what the hand feels when something dies or a device fails", true, false, &run_faults},
+    Row{"faults", "what the hand feels when something dies, hangs, fails or runs out", true, false, &run_faults},
     Row{"soak", "real sessions under kills, observers and E-stops at random times", true, false, &run_soak},
     Row{"worst-physics", "a physics that wants to hurt: force, energy, recovery", false, false, &run_worst_physics,
         true},
@@ -210,6 +213,9 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
                                  (row.takes_config ? "; write a session file and name it with --config" : ""));
     }
     Experiment experiment("evaluate", name, command_line, std::filesystem::path(options.out) / name);
+    if ((options.list || !options.only.empty()) && row.run != &run_faults) {
+      throw rtbus::config::Error("evaluate " + name + " has no rows: --list and --only are of `evaluate faults`");
+    }
     if (options.one_case && row.run == &run_stability) {
       return show_stability_case(stability_of(options), *options.one_case, experiment.folder());
     }
@@ -329,6 +335,10 @@ int evaluate_all(const EvaluateOptions& options, const std::string& command_line
 }
 
 int evaluate(const EvaluateOptions& options, const std::string& command_line) {
+  if (options.list && options.experiment == "faults") {
+    list_faults();
+    return kExitFine;
+  }
   if (options.experiment == kAll) return evaluate_all(options, command_line);
   for (const Row& row : kExperiments) {
     if (options.experiment == row.name) return exit_status(evaluate_one(row, options, command_line));
@@ -369,12 +379,15 @@ Action add_evaluate(rtbus::Command command) {
   command.option("--case", options->one_case, "stability: this case alone, with a figure of force and position");
   command.option("--minutes", options->minutes, "soak: how long [min]").range(0.1, 10000.0).show_default();
   command.option("--soak-seed", options->soak_seed, "soak: of the events and their times").show_default();
+  command.flag("--list", options->list, "faults: print the rows and run nothing");
+  command.option("--only", options->only, "faults: these rows alone, each once").take_all().type_name("ROW");
   return [options] {
     std::string line = "rtbus evaluate " + options->experiment;
     if (options->quick) line += " --quick";
     if (options->experiment == "stability") line += " --seed " + std::to_string(options->seed);
     if (options->cases != 0) line += " --cases " + std::to_string(options->cases);
     for (const std::string& text : options->assignments) line += " --set " + text;
+    for (const std::string& row : options->only) line += " --only " + row;
     return evaluate(*options, line);
   };
 }

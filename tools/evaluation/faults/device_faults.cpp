@@ -1,11 +1,25 @@
-#include "tools/evaluation/faults/device_faults.hpp"
-
+// Faults of makers' devices that can happen while a session runs, on the stand-ins for them: unplugged, silent, not
+// calibrated any more, the service's connection closed. Faults at the start are tests/unit/vendor's.
 #include <algorithm>
+#include <fstream>
 
 #include "drivers/registry/registry.hpp"
+#include "tools/evaluation/faults/fault_session.hpp"
 
 namespace tools {
 namespace {
+
+/// One row: what goes wrong, and what the hand is promised then (docs/device-*.md).
+struct DeviceFault {
+  const char* name;                 ///< "omega_unplugged"
+  const char* what;                 ///< For --list.
+  const char* driver;               ///< It is left out where this driver was not built.
+  const char* session;              ///< File beside the session of the other cells.
+  std::vector<const char*> faults;  ///< Keys of `virtual:`; their times count from the fault.
+  double zero_ms;                   ///< Promised: zero force after the fault.
+  double lasts_s;                   ///< The device is well again so long after the fault; < 0: it stays so.
+  bool quick;                       ///< Also with --quick: one row per driver.
+};
 
 /// Force time-out of the drivers, and the omega's watchdog; one tick on top.
 constexpr double kForceTimeout_ms = 20.0 + 1.0;
@@ -13,64 +27,78 @@ constexpr double kForceTimeout_ms = 20.0 + 1.0;
 constexpr double kServiceIdle_ms = 100.0 + 1.0;
 
 const std::vector<DeviceFault>& all() {
-  static const std::vector<DeviceFault> rows{
-      {"omega_unplugged",
-       "force_dimension",
-       "wall_virtual_omega.yaml",
-       {"faults.unplug_at_s=0", "faults.replug_after_s=1"},
-       kForceTimeout_ms,
-       1.0,
-       true},
-      {"omega_silent",
-       "force_dimension",
-       "wall_virtual_omega.yaml",
-       {"block_at_s=0", "block_s=0.3"},
-       kForceTimeout_ms,
-       0.3,
-       false},
-      {"omega_uncalibrated",
-       "force_dimension",
-       "wall_virtual_omega.yaml",
-       {"lose_calibration_at_s=0"},
-       kForceTimeout_ms,
-       -1.0,
-       false},
-      {"touch_unplugged",
-       "openhaptics",
-       "wall_virtual_touch.yaml",
-       {"faults.unplug_at_s=0"},
-       kForceTimeout_ms,
-       -1.0,
-       false},
-      {"touch_uncalibrated",
-       "openhaptics",
-       "wall_virtual_touch.yaml",
-       {"uncalibrate_at_s=0"},
-       kForceTimeout_ms,
-       -1.0,
-       false},
-      {"touch_calibrated_again",
-       "openhaptics",
-       "wall_virtual_touch.yaml",
-       {"uncalibrate_at_s=0", "docked_at_s=0.5"},
-       kForceTimeout_ms,
-       0.5,
-       true},
-      {"inverse3_unplugged",
-       "haply",
-       "wall_virtual_inverse3.yaml",
-       {"faults.unplug_at_s=0", "faults.replug_after_s=1"},
-       kServiceIdle_ms,
-       1.0,
-       false},
-      {"inverse3_silent",
-       "haply",
-       "wall_virtual_inverse3.yaml",
-       {"mute_at_s=0", "mute_for_s=1"},
-       kForceTimeout_ms,
-       1.0,
-       false},
-      {"inverse3_service_closes", "haply", "wall_virtual_inverse3.yaml", {"close_at_s=0"}, kServiceIdle_ms, 0.0, true}};
+  static const std::vector<DeviceFault> rows{{"omega_unplugged",
+                                              "a virtual omega.3 is unplugged, and plugged in a second later",
+                                              "force_dimension",
+                                              "wall_virtual_omega.yaml",
+                                              {"faults.unplug_at_s=0", "faults.replug_after_s=1"},
+                                              kForceTimeout_ms,
+                                              1.0,
+                                              true},
+                                             {"omega_silent",
+                                              "a virtual omega.3 is silent for 0.3 s",
+                                              "force_dimension",
+                                              "wall_virtual_omega.yaml",
+                                              {"block_at_s=0", "block_s=0.3"},
+                                              kForceTimeout_ms,
+                                              0.3,
+                                              false},
+                                             {"omega_uncalibrated",
+                                              "a virtual omega.3 loses its calibration",
+                                              "force_dimension",
+                                              "wall_virtual_omega.yaml",
+                                              {"lose_calibration_at_s=0"},
+                                              kForceTimeout_ms,
+                                              -1.0,
+                                              false},
+                                             {"touch_unplugged",
+                                              "a virtual Touch is unplugged",
+                                              "openhaptics",
+                                              "wall_virtual_touch.yaml",
+                                              {"faults.unplug_at_s=0"},
+                                              kForceTimeout_ms,
+                                              -1.0,
+                                              false},
+                                             {"touch_uncalibrated",
+                                              "a virtual Touch loses its calibration",
+                                              "openhaptics",
+                                              "wall_virtual_touch.yaml",
+                                              {"uncalibrate_at_s=0"},
+                                              kForceTimeout_ms,
+                                              -1.0,
+                                              false},
+                                             {"touch_calibrated_again",
+                                              "a virtual Touch loses its calibration and is docked again 0.5 s later",
+                                              "openhaptics",
+                                              "wall_virtual_touch.yaml",
+                                              {"uncalibrate_at_s=0", "docked_at_s=0.5"},
+                                              kForceTimeout_ms,
+                                              0.5,
+                                              true},
+                                             {"inverse3_unplugged",
+                                              "a virtual Inverse3 is unplugged, and plugged in a second later",
+                                              "haply",
+                                              "wall_virtual_inverse3.yaml",
+                                              {"faults.unplug_at_s=0", "faults.replug_after_s=1"},
+                                              kServiceIdle_ms,
+                                              1.0,
+                                              false},
+                                             {"inverse3_silent",
+                                              "a virtual Inverse3 is silent for a second",
+                                              "haply",
+                                              "wall_virtual_inverse3.yaml",
+                                              {"mute_at_s=0", "mute_for_s=1"},
+                                              kForceTimeout_ms,
+                                              1.0,
+                                              false},
+                                             {"inverse3_service_closes",
+                                              "the Inverse Service closes the connection",
+                                              "haply",
+                                              "wall_virtual_inverse3.yaml",
+                                              {"close_at_s=0"},
+                                              kServiceIdle_ms,
+                                              0.0,
+                                              true}};
   return rows;
 }
 
@@ -81,20 +109,39 @@ bool built(const DeviceFault& fault) {
   });
 }
 
-}  // namespace
-
-std::vector<const DeviceFault*> device_faults(bool quick) {
-  std::vector<const DeviceFault*> out;
-  for (const DeviceFault& row : all()) {
-    if ((row.quick || !quick) && built(row)) out.push_back(&row);
-  }
-  return out;
+FaultRow row_of(const DeviceFault& fault) {
+  FaultRow row;
+  row.name = fault.name;
+  row.what = fault.what;
+  row.zero_ms = fault.zero_ms;
+  row.ends = fault.lasts_s >= 0.0 ? Ends::kComesBack : Ends::kStaysAtZero;
+  row.quick = fault.quick;
+  // A loop that its silent device paces wakes late without the machine's doing.
+  row.own_wakeups = true;
+  row.session = fault.session;
+  row.prepare = [&fault](RunCommand& command, const FaultSession& cell) {
+    const std::string unit = "haptic.0.device.virtual.";
+    command.arguments.insert(command.arguments.end(), {"--set", unit + "publish_state=true", "--set",
+                                                       unit + "faults.trigger=" + cell.trigger()});
+    for (const char* const each : fault.faults)
+      command.arguments.insert(command.arguments.end(), {"--set", unit + each});
+  };
+  row.happen = [&fault](FaultSession& cell) {
+    const std::uint64_t begins_ns = rtbus::monotonic_ns();
+    std::ofstream(cell.trigger()).flush();
+    cell.await_zero();
+    cell.mark_over(begins_ns + static_cast<std::uint64_t>(std::max(0.0, fault.lasts_s) * 1e9));
+  };
+  return row;
 }
 
-std::vector<std::string> assignments_of(const DeviceFault& fault, const std::string& trigger) {
-  const std::string unit = "haptic.0.device.virtual.";
-  std::vector<std::string> out{unit + "publish_state=true", unit + "faults.trigger=" + trigger};
-  for (const char* const each : fault.faults) out.push_back(unit + each);
+}  // namespace
+
+std::vector<FaultRow> device_faults() {
+  std::vector<FaultRow> out;
+  for (const DeviceFault& fault : all()) {
+    if (built(fault)) out.push_back(row_of(fault));
+  }
   return out;
 }
 

@@ -4,34 +4,66 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <fstream>
+#include <deque>
+#include <filesystem>
 #include <limits>
-#include <vector>
+#include <list>
+#include <map>
+#include <thread>
+#include <utility>
 
-#include "rtbus/clock.hpp"
+#include "rtbus/config/document.hpp"
 #include "tools/cli/common/interrupt.hpp"
-#include "tools/evaluation/faults/fault_cells.hpp"
+#include "tools/evaluation/faults/fault_cell.hpp"
 
 namespace tools {
 
 namespace {
 
+constexpr const char* kMethods[] = {"remote_virtual_coupling", "local_contact"};
 constexpr int kTriesPerRun = 3;
+constexpr int kMostBeside = 3;  ///< Cells at a time; each has a loop of 1 kHz and a plant of 4 kHz.
+constexpr std::uint64_t kPollAll_ns = 50 * rtbus::kNsPerMs;
 /// The resume ramp takes 100 ms, so 1 %/ms; the damper on a moving hand adds some, and a cycle that comes late by such
 /// a pause catches up what the ramp did meanwhile. A step would be near 100 %/ms.
 constexpr double kFastestGrowth_percent_per_ms = 10.0;
+constexpr double kStillFelt_percent = 50.0;
+constexpr double kReturn_ms = 5000.0;
 
-void write_trace(const std::filesystem::path& file, const FaultOutcome& outcome) {
-  std::ofstream out(file);
-  out << "time_ms\tforce_n\n";
-  for (const Felt& felt : outcome.trace) {
-    const double time_s = felt.time_ns >= outcome.fault_ns ? rtbus::seconds_between(outcome.fault_ns, felt.time_ns)
-                                                           : -rtbus::seconds_between(felt.time_ns, outcome.fault_ns);
-    out << time_s * 1e3 << '\t' << felt.force_n << '\n';
-  }
-}
+/// A row with one method, and its runs.
+struct Case {
+  const FaultRow* row;
+  std::string method;  ///< Empty: the session's own.
+  int tries = 0, paused = 0;
+  double longest_pause_ms = 0.0;
+  std::vector<FaultOutcome> counted, failed;
+};
+
+std::string label(const Case& each) { return each.row->name + (each.method.empty() ? "" : "." + each.method); }
 
 Cell milliseconds(double value) { return value < 0.0 ? Cell(std::string("never")) : Cell(value); }
+
+std::vector<Cell> cells_of(const Case& each, const FaultOutcome& outcome, const char* counts) {
+  const auto only_if = [](bool is, Cell cell) { return is ? std::move(cell) : Cell(std::string("-")); };
+  const FaultRow& row = *each.row;
+  return {row.name,
+          each.method.empty() ? std::string("(own)") : each.method,
+          std::string(counts),
+          outcome.before_n,
+          only_if(row.feels == Feels::kZero, milliseconds(outcome.zero_ms)),
+          only_if(row.feels == Feels::kZero, row.zero_ms),
+          outcome.lowest_n,
+          outcome.peak_n,
+          only_if(row.ends == Ends::kComesBack, milliseconds(outcome.back_ms)),
+          100.0 * outcome.growth_per_ms,
+          outcome.pause_ms,
+          static_cast<double>(outcome.ticks),
+          static_cast<double>(outcome.due),
+          static_cast<double>(outcome.restarts),
+          static_cast<double>(outcome.exit_status),
+          static_cast<double>(outcome.left_over.size()),
+          static_cast<double>(outcome.processes_left)};
+}
 
 /// The worst of the counted runs; NaN, which passes no check, when there is none.
 template <class Figure>
@@ -43,118 +75,233 @@ double worst(const std::vector<FaultOutcome>& runs, const Figure& figure) {
 
 /// @param paused Of the runs that were not counted, when none was: the promises to the hand are judged in every run
 /// that was counted, however busy the machine is.
-void check(const FaultSetup& setup, const std::vector<FaultOutcome>& runs, const MachineLoad& paused,
+void check(const FaultRow& row, const std::vector<FaultOutcome>& runs, const MachineLoad& paused,
            Experiment& experiment) {
-  const std::string id = std::string("faults.") + name_of(setup);
+  const std::string id = "faults." + row.name;
   const auto never = [](double ms) { return ms < 0.0 ? std::numeric_limits<double>::infinity() : ms; };
-  if (ends_in_zero(setup)) {
+  if (row.ends != Ends::kNeverStarts) {
+    experiment.check_at_most(id + ".limit", "largest force, share of the device's limit",
+                             worst(runs, [](const FaultOutcome& run) { return 100.0 * run.peak_n / run.limit_n; }), "%",
+                             100.0 + 1e-6, paused);
+  }
+  if (row.feels == Feels::kZero) {
     experiment.check_at_most(id + ".zero", "zero force after the fault",
                              worst(runs, [&](const FaultOutcome& run) { return never(run.zero_ms); }), "ms",
-                             promised_zero_ms(setup) + 2.0 * kMachinePause_ms, paused);
-  } else if (setup.fault == Fault::kTopicsDeleted) {
-    experiment.check_between(id + ".back", "deleted topics that did not come back",
-                             worst(runs, [](const FaultOutcome& run) { return run.topics - run.topics_back + 0.0; }),
-                             "", 0.0, 0.0, paused);
+                             row.zero_ms + 2.0 * kMachinePause_ms, paused);
   }
-  if (comes_back(setup)) {
-    experiment.check_at_most(id + ".resumes", "force back after the end of the fault",
-                             worst(runs, [&](const FaultOutcome& run) { return never(run.back_ms); }), "ms", 5000.0,
-                             paused);
-    experiment.check_at_most(id + ".growth", "fastest growth of the force, share of the peak",
-                             worst(runs, [](const FaultOutcome& run) { return 100.0 * run.growth_per_ms; }), "%/ms",
-                             kFastestGrowth_percent_per_ms, paused);
-  } else {
-    experiment.check_at_most(id + ".stays_zero", "largest force after the zero",
-                             worst(runs, [](const FaultOutcome& run) { return run.after_zero_n; }), "N", 0.0, paused);
+  if (row.feels == Feels::kNothing) {
+    const double most_lost = worst(runs, [](const FaultOutcome& run) { return -100.0 * run.lowest_n / run.before_n; });
+    experiment.check_at_least(id + ".felt", "least force meanwhile, share of the one before", -most_lost, "%",
+                              kStillFelt_percent, paused);
   }
-  const bool restarts = restarts_a_node(setup);
-  experiment.check_between(id + ".restarts", "nodes restarted",
-                           worst(runs, [](const FaultOutcome& run) { return run.restarts + 0.0; }), "", restarts,
-                           restarts, paused);
-  experiment.check_between(
-      id + ".end", "exit status and segments left behind",
-      worst(runs, [](const FaultOutcome& run) { return run.exit_status + static_cast<double>(run.left_over.size()); }),
-      "", 0.0, 0.0, paused);
+  switch (row.ends) {
+    case Ends::kComesBack:
+      experiment.check_at_most(id + ".resumes", "force back after the end of the fault",
+                               worst(runs, [&](const FaultOutcome& run) { return never(run.back_ms); }), "ms",
+                               kReturn_ms, paused);
+      experiment.check_at_most(id + ".growth", "fastest growth of the force, share of the peak",
+                               worst(runs, [](const FaultOutcome& run) { return 100.0 * run.growth_per_ms; }), "%/ms",
+                               kFastestGrowth_percent_per_ms, paused);
+      break;
+    case Ends::kStaysAtZero:
+    case Ends::kWithSession:
+      experiment.check_at_most(id + ".stays_zero", "largest force after the zero",
+                               worst(runs, [](const FaultOutcome& run) { return run.after_zero_n; }), "N", 0.0, paused);
+      break;
+    case Ends::kNeverStarts:
+      experiment.check_at_most(id + ".no_force", "largest force",
+                               worst(runs, [](const FaultOutcome& run) { return run.peak_n; }), "N", 0.0, paused);
+      break;
+  }
+  if (row.ends != Ends::kNeverStarts && row.exit_status <= 1) {
+    const double most = worst(runs, [](const FaultOutcome& run) { return run.restarts + 0.0; });
+    const double least = -worst(runs, [](const FaultOutcome& run) { return -run.restarts + 0.0; });
+    experiment.check_between(id + ".restarts", "nodes restarted", least < row.restarts_least ? least : most, "",
+                             row.restarts_least, row.restarts_most, paused);
+  }
+  const auto wrong_end = [&](const FaultOutcome& run) {
+    const bool as_told = row.exit_status == FaultRow::kAnyFailure ? run.exit_status > 0 && run.exit_status < 128
+                                                                  : run.exit_status == row.exit_status;
+    return (as_told ? 0.0 : 1.0) + run.processes_left;
+  };
+  experiment.check_between(id + ".end", "wrong exit status, and processes left behind", worst(runs, wrong_end), "", 0.0,
+                           0.0, paused);
+  // A supervisor that was killed cannot tidy: `rtbus clean` does, and the next session of the name.
+  if (row.exit_status <= 1) {
+    experiment.check_between(
+        id + ".left", "segments left behind",
+        worst(runs, [](const FaultOutcome& run) { return static_cast<double>(run.left_over.size()); }), "", 0.0, 0.0,
+        paused);
+  }
 }
 
-std::vector<Cell> row_of(const FaultSetup& setup, const FaultOutcome& outcome, bool counts) {
-  const bool loop_lives = setup.fault != Fault::kHapticKilled;
-  return {std::string(name_of(setup)),
-          std::string(counts ? "yes" : "no"),
-          outcome.before_n,
-          milliseconds(outcome.zero_ms),
-          ends_in_zero(setup) ? Cell(promised_zero_ms(setup)) : Cell(std::string("-")),
-          outcome.lowest_n,
-          comes_back(setup) ? milliseconds(outcome.back_ms) : Cell(std::string("-")),
-          100.0 * outcome.growth_per_ms,
-          outcome.pause_ms,
-          loop_lives ? Cell(static_cast<double>(outcome.ticks)) : Cell(std::string("-")),
-          loop_lives ? Cell(static_cast<double>(outcome.due)) : Cell(std::string("-")),
-          static_cast<double>(outcome.restarts),
-          outcome.topics > 0 ? Cell(std::to_string(outcome.topics_back) + " of " + std::to_string(outcome.topics))
-                             : Cell(std::string("-"))};
-}
-
-/// All runs of one cell. @returns how many did not count because the machine paused.
-int run_cell(const FaultSetup& setup, int runs, Table& table, Experiment& experiment) {
-  std::vector<FaultOutcome> counted;
-  MachineLoad uncounted;
-  int paused = 0;
-  for (int tries = 0; static_cast<int>(counted.size()) < runs && tries < kTriesPerRun * runs; ++tries) {
-    if (interrupted()) break;
-    std::fprintf(stderr, "faults: %s, run %zu of %d\n", name_of(setup), counted.size() + 1, runs);
-    FaultOutcome outcome = run_fault_cell(setup);
-    const bool counts = outcome.problem.empty() && outcome.pause_ms <= kMachinePause_ms;
-    if (!outcome.problem.empty()) {
-      experiment.note(std::string(name_of(setup)) + ": " + outcome.problem);
-    } else if (!counts) {
-      ++paused;
-      uncounted.pause_ms = std::max(uncounted.pause_ms, outcome.pause_ms);
+/// Runs all cases, side by side where they do not disturb each other.
+class Matrix {
+ public:
+  Matrix(const FaultsOptions& options, Experiment& experiment, std::vector<Case> cases)
+      : options_(options), experiment_(experiment), cases_(std::move(cases)) {
+    for (Case& each : cases_) {
+      for (int run = 0; run < options.runs; ++run) (each.row->alone ? alone_ : beside_).push_back(&each);
     }
-    table.rows.push_back(row_of(setup, outcome, counts));
-    if (!counts) continue;
-    if (counted.empty()) {
-      write_trace(experiment.folder() / (std::string(name_of(setup)) + "_trace.tsv"), outcome);
-      experiment.add_run(setup.report);
-    }
-    outcome.trace.clear();
-    counted.push_back(std::move(outcome));
+    all_ = alone_.size() + beside_.size();
   }
-  check(setup, counted, counted.empty() ? uncounted : MachineLoad{}, experiment);
-  return paused;
+
+  void run() {
+    const int cpus = static_cast<int>(std::thread::hardware_concurrency());
+    drain(beside_, std::clamp(cpus, 1, kMostBeside));
+    drain(alone_, 1);
+  }
+
+  void judge() {
+    std::map<const FaultRow*, std::pair<std::vector<FaultOutcome>, MachineLoad>> rows;
+    int paused = 0;
+    for (Case& each : cases_) {
+      auto& [outcomes, load] = rows[each.row];
+      paused += each.paused;
+      for (const FaultOutcome& failed : each.failed) experiment_.note(label(each) + ": " + failed.problem);
+      // A cell that never ran as meant has not kept its promise, whatever the others did.
+      experiment_.check_between(
+          "faults." + label(each) + ".ran", "runs that counted", static_cast<double>(each.counted.size()), "",
+          options_.runs, options_.runs,
+          each.paused > 0 && each.failed.empty() ? MachineLoad{.pause_ms = each.longest_pause_ms} : MachineLoad{});
+      if (each.counted.empty()) load.pause_ms = std::max(load.pause_ms, each.longest_pause_ms);
+      std::move(each.counted.begin(), each.counted.end(), std::back_inserter(outcomes));
+    }
+    for (const Case& each : cases_) {
+      const auto found = rows.find(each.row);
+      if (found == rows.end()) continue;
+      check(*each.row, found->second.first, found->second.second, experiment_);
+      rows.erase(found);
+    }
+    experiment_.add_table(std::move(table_));
+    if (paused > 0) {
+      experiment_.note(std::to_string(paused) + " run(s) not counted: the machine paused for more than 5 ms");
+    }
+  }
+
+ private:
+  using Running = std::pair<Case*, FaultCell>;
+
+  [[nodiscard]] FaultCell begin(Case& each) {
+    const std::string file = (experiment_.folder() / (label(each) + "." + std::to_string(each.tries))).string();
+    FaultSetup setup;
+    setup.row = each.row;
+    setup.method = each.method;
+    setup.program = options_.program;
+    setup.session_file = each.row->session.empty()
+                             ? options_.session_file
+                             : (std::filesystem::path(options_.stand_ins) / each.row->session).string();
+    setup.session = "faults-" + std::to_string(getpid()) + "-" + std::to_string(++sessions_);
+    setup.report = file + ".json";
+    ++each.tries;
+    return {std::move(setup), file + "_trace.tsv"};
+  }
+
+  void take(Case& each, FaultOutcome outcome, const std::string& report, std::deque<Case*>& queue) {
+    const bool ran = outcome.problem.empty();
+    const bool counts = ran && outcome.pause_ms <= kMachinePause_ms;
+    std::string said = !ran ? outcome.problem : counts ? "" : "the machine paused: not counted";
+    if (counts && each.row->feels == Feels::kZero) {
+      char text[48];
+      std::snprintf(text, sizeof text, "zero after %.1f ms of %.0f", outcome.zero_ms, each.row->zero_ms);
+      said = text;
+    }
+    std::fprintf(stderr, "faults: %3zu of %zu  %s%s%s\n", done_ + (counts ? 1U : 0U), all_, label(each).c_str(),
+                 said.empty() ? "" : ": ", said.c_str());
+    table_.rows.push_back(cells_of(each, outcome, !ran ? "failed" : counts ? "yes" : "paused"));
+    if (counts) {
+      ++done_;
+      if (each.counted.empty() && outcome.restarts >= 0) experiment_.add_run(report);
+      each.counted.push_back(std::move(outcome));
+      return;
+    }
+    if (ran) {
+      ++each.paused;
+      each.longest_pause_ms = std::max(each.longest_pause_ms, outcome.pause_ms);
+    } else {
+      each.failed.push_back(std::move(outcome));
+    }
+    // A pause says nothing about us; what went wrong otherwise stays a finding.
+    if (ran && each.tries < kTriesPerRun * options_.runs) queue.push_back(&each);
+  }
+
+  void drain(std::deque<Case*>& queue, int most) {
+    std::list<Running> running;
+    while (!interrupted() && (!queue.empty() || !running.empty())) {
+      while (!queue.empty() && static_cast<int>(running.size()) < most) {
+        Case* const next = queue.front();
+        queue.pop_front();
+        running.emplace_back(next, begin(*next));
+      }
+      for (auto each = running.begin(); each != running.end();) {
+        auto outcome = each->second.poll();
+        if (!outcome) {
+          ++each;
+          continue;
+        }
+        Case& ended = *each->first;
+        const std::string report = each->second.setup().report;
+        each = running.erase(each);
+        take(ended, std::move(*outcome), report, queue);
+      }
+      rtbus::sleep_until(rtbus::monotonic_ns() + kPollAll_ns);
+    }
+    queue.clear();
+  }
+
+  const FaultsOptions& options_;
+  Experiment& experiment_;
+  std::vector<Case> cases_;
+  std::deque<Case*> beside_, alone_;
+  Table table_{"faults",
+               {"fault", "method", "counted", "force before [N]", "zero after [ms]", "promised [ms]", "lowest [N]",
+                "peak [N]", "back after [ms]", "growth [%/ms]", "longest pause [ms]", "ticks served", "due", "restarts",
+                "exit status", "segments left", "processes left"},
+               {}};
+  std::size_t all_ = 0, done_ = 0;
+  int sessions_ = 0;
+};
+
+/// The rows that are wanted and can be run; what cannot is said loudly.
+std::vector<Case> choose(const FaultsOptions& options, Experiment& experiment) {
+  for (const std::string& name : options.only) {
+    if (find_fault_row(name) == nullptr) {
+      throw rtbus::config::Error("evaluate faults: there is no row '" + name + "'; --list prints those that there are");
+    }
+  }
+  std::vector<Case> out;
+  std::size_t turn = 0;
+  for (const FaultRow& row : fault_rows()) {
+    const bool named = std::find(options.only.begin(), options.only.end(), row.name) != options.only.end();
+    if (!options.only.empty() ? !named : options.quick && !row.quick) continue;
+    if (const std::string why = row.why_not != nullptr ? row.why_not() : ""; !why.empty()) {
+      std::fprintf(stderr, "faults: SKIPPED %s: %s\n", row.name.c_str(), why.c_str());
+      experiment.note("skipped: " + row.name + ": " + why);
+      continue;
+    }
+    if (!row.session.empty() || !row.both_methods) {
+      out.push_back({&row, ""});
+    } else if (options.quick) {
+      out.push_back({&row, kMethods[turn++ % std::size(kMethods)]});
+    } else {
+      for (const char* const method : kMethods) out.push_back({&row, method});
+    }
+  }
+  return out;
 }
 
 }  // namespace
 
 void evaluate_faults(const FaultsOptions& options, Experiment& experiment) {
-  Table table{
-      "faults",
-      {"fault", "counted", "force before [N]", "zero after [ms]", "promised [ms]", "lowest [N]", "back after [ms]",
-       "growth [%/ms]", "longest pause [ms]", "ticks served", "due", "restarts", "topics back"},
-      {}};
-  std::vector<FaultSetup> cells;
-  for (const Fault fault : kFaults) {
-    cells.push_back({fault, nullptr, nullptr, options.program, options.session_file, "", ""});
-  }
-  for (const DeviceFault* const device : device_faults(options.quick)) {
-    const std::string session_file = (std::filesystem::path(options.stand_ins) / device->session).string();
-    cells.push_back({Fault::kDevice, device, nullptr, options.program, session_file, "", ""});
-  }
-  const std::string no_python = why_no_python_engine();
-  if (!no_python.empty()) experiment.note(no_python);
-  for (const PythonFault& python : python_faults()) {
-    if (!no_python.empty()) break;
-    cells.push_back({Fault::kPython, nullptr, &python, options.program, options.session_file, "", ""});
-  }
-  int paused = 0;
-  for (FaultSetup& cell : cells) {
-    cell.session = "faults-" + std::to_string(getpid());
-    cell.report = (experiment.folder() / (std::string(name_of(cell)) + ".json")).string();
-    paused += run_cell(cell, options.runs, table, experiment);
-  }
-  experiment.add_table(std::move(table));
-  if (paused > 0) {
-    experiment.note(std::to_string(paused) + " run(s) not counted: the machine paused for more than 5 ms");
+  Matrix matrix(options, experiment, choose(options, experiment));
+  matrix.run();
+  matrix.judge();
+}
+
+void list_faults() {
+  for (const FaultRow& row : fault_rows()) {
+    const std::string why = row.why_not != nullptr ? row.why_not() : "";
+    std::printf("%-26s %s%s%s\n", row.name.c_str(), row.what.c_str(), why.empty() ? "" : "; not here: ", why.c_str());
   }
 }
 

@@ -23,6 +23,9 @@ import rtbus
 
 UP = np.array([0.0, 1.0, 0.0])
 
+def add_nan():
+    UP[:] = np.nan
+
 def fault():
 FAULT
 
@@ -62,7 +65,7 @@ std::string why_no_python_engine() {
 std::span<const PythonFault> python_faults() noexcept {
   static constexpr PythonFault kRows[] = {
       // A heap of cycles that the collector has to go through, again and again, for a second.
-      {"python_collects_garbage",
+      {"python_collects_garbage", "an engine in Python collects garbage for a second",
        "gc.disable()\n"
        "heap = [[] for _ in range(100000)]\n"
        "for each in heap: each.append(each)\n"
@@ -70,10 +73,15 @@ std::span<const PythonFault> python_faults() noexcept {
        "while time.monotonic() < end: gc.collect()\n"
        "gc.enable()",
        true, true, false},
-      {"python_raises", "raise RuntimeError('my world broke')", true, false, true},
-      {"python_prints", "for _ in range(3000): print('x' * 1000)", false, true, false},
-      {"python_forks", "if os.fork() == 0:\n    time.sleep(2)\n    os._exit(0)", false, true, false},
-      {"python_stopped", "", true, false, false},
+      {"python_raises", "an engine in Python ends by an exception", "raise RuntimeError('my world broke')", true, false,
+       true},
+      {"python_prints", "an engine in Python prints 3 MB within a step", "for _ in range(3000): print('x' * 1000)",
+       false, true, false},
+      {"python_forks", "an engine in Python forks within a step",
+       "if os.fork() == 0:\n    time.sleep(2)\n    os._exit(0)", false, true, false},
+      {"python_nan", "an engine in Python answers with numbers that are none; the interface refuses them", "add_nan()",
+       true, false, true},
+      {"python_stopped", "an engine in Python is stopped for a second", "", true, false, false},
   };
   return kRows;
 }

@@ -11,6 +11,7 @@ namespace tools {
 /// One row: what the program does in the middle of a step.
 struct PythonFault {
   const char* name;        ///< "python_raises"
+  const char* what;        ///< For --list.
   const char* statements;  ///< In Python. Empty: it is stopped from outside, as a debugger does, for a second.
   bool ends_in_zero;       ///< The force goes to zero meanwhile.
   bool beats_on;           ///< Its heartbeat, a native thread, goes on: a hung engine, not a lost one.

@@ -82,4 +82,12 @@ void ProcessWatch::look(pid_t parent) {
   }
 }
 
+bool ProcessWatch::more_descriptors(pid_t parent) const {
+  const auto now = uses_below(parent);
+  return std::any_of(now.begin(), now.end(), [this](const auto& each) {
+    const auto first = first_.find(each.first);
+    return first != first_.end() && each.second.descriptors > first->second.descriptors;
+  });
+}
+
 }  // namespace tools

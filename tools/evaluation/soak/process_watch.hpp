@@ -34,6 +34,8 @@ struct UseGrowth {
 class ProcessWatch {
  public:
   void look(pid_t parent);
+  /// Whether a program holds more descriptors now than when it was first seen.
+  [[nodiscard]] bool more_descriptors(pid_t parent) const;
   [[nodiscard]] const std::map<std::string, UseGrowth>& growth() const noexcept { return growth_; }
 
  private:

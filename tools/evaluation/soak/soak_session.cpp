@@ -28,6 +28,8 @@ constexpr double kStart_s = 40.0, kLongestReturn_s = 30.0;
 constexpr double kToolEnd_s = 20.0;
 /// The promise is 100 ms (docs/orders.md); a paused machine adds to it, and the check of returns judges the speed.
 constexpr double kOrderFelt_s = 5.0;
+/// node_info and orders are published once a second, and a hand-over takes two samples.
+constexpr double kHandOver_s = 10.0, kHandOverLook_s = 0.25;
 constexpr double kPressed_n = 0.3;
 constexpr std::uint64_t kLook_ns = 10 * rtbus::kNsPerMs;
 
@@ -75,6 +77,7 @@ class Soak {
         ++out_.events[to_string(event)];
         happen(event);
         await_return(event);
+        if (event == SoakEvent::kTopicsDeleted) await_hand_over();
         follow(0.6);  // what restarted has its memory and its threads
         take_stock();
       }
@@ -263,6 +266,17 @@ class Soak {
     if (seconds <= out_.slowest_return_s) return;
     out_.slowest_return_s = seconds;
     out_.slowest_after = to_string(event);
+  }
+
+  /// A writer keeps the ring that was deleted until the one that publishes has let it go: two samples later, which are
+  /// seconds for the slowest topics. Those that nobody reads publish for an observer.
+  void await_hand_over() {
+    observers_ = std::make_unique<Observers>(session_);
+    for (double waited_s = 0.0; pid_ > 0 && waited_s < kHandOver_s; waited_s += kHandOverLook_s) {
+      follow(kHandOverLook_s);
+      if (pid_ <= 0 || !watch_.more_descriptors(pid_)) break;
+    }
+    observers_.reset();
   }
 
   void take_stock() {
