@@ -23,7 +23,7 @@ DoctorCheck check_fifo(const DoctorFacts& facts) {
     return check;
   }
   check.health = Health::kFail;
-  check.measured = "refused: the loop competes with every other process";
+  check.measured = "refused: the loop competes with every other process, and an E-stop waits for a CPU";
   check.remedy = kLimitsFile;
   return check;
 }
