@@ -88,3 +88,17 @@ if(RTBUS_WITH_HAPLY AND NOT (LIBWEBSOCKETS_FOUND AND nlohmann_json_FOUND))
   message(STATUS "libwebsockets or nlohmann_json is not there: no driver haply; install libwebsockets-dev, nlohmann-json3-dev")
   set(RTBUS_WITH_HAPLY OFF)
 endif()
+
+# Cyclone DDS, for rtbus bridge, and its compiler of message types.
+option(RTBUS_WITH_DDS "Build rtbus bridge when Cyclone DDS and its idlc are found" ${RTBUS_BUILD_TOOLS})
+if(RTBUS_WITH_DDS AND PKG_CONFIG_FOUND)
+  pkg_check_modules(CYCLONEDDS IMPORTED_TARGET CycloneDDS)
+  find_program(IDLC_PROGRAM idlc)
+endif()
+if(RTBUS_WITH_DDS AND NOT (CYCLONEDDS_FOUND AND IDLC_PROGRAM))
+  message(STATUS "Cyclone DDS is not there: no rtbus bridge; install cyclonedds-dev, cyclonedds-tools and pkg-config")
+  set(RTBUS_WITH_DDS OFF)
+endif()
+if(RTBUS_WITH_DDS)
+  enable_language(C)  # what idlc writes
+endif()

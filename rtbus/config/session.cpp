@@ -135,8 +135,10 @@ SessionConfig load_session(const std::string& file, const std::vector<Override>&
   Scene scene = read_scene(scene_map);
   std::optional<Map> physics = root.optional_map("physics");
   std::vector<HapticEntry> haptic = read_haptic(root);
+  std::optional<Map> bridge = root.optional_map("bridge");
   root.finish();
-  return {std::move(session), supervise, std::move(scene), std::move(physics), std::move(haptic), file};
+  return {std::move(session), supervise, std::move(scene), std::move(physics), std::move(haptic),
+          std::move(bridge),  file};
 }
 
 }  // namespace rtbus::config

@@ -35,6 +35,7 @@ struct SessionConfig {
   Scene scene;
   std::optional<Map> physics;       ///< For physics_node's own reader; none: no physics process.
   std::vector<HapticEntry> haptic;  ///< At least one; names are unique.
+  std::optional<Map> bridge;        ///< For the reader of the bridge to ROS 2; none: no bridge.
   std::string file;                 ///< As given by the user.
 
   /// The node of that name; null when there is none.

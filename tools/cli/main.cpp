@@ -1,4 +1,4 @@
-// The program `rtbus`. The viewer and the evaluation are programs of their own, which this one becomes.
+// The program `rtbus`. The viewer, the bridge and the evaluation are programs of their own, which this one becomes.
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,6 +16,7 @@ namespace {
 /// For the list of commands in --help; their options are the other program's.
 tools::Action evaluation(rtbus::Command) { return {}; }
 [[maybe_unused]] tools::Action viewer(rtbus::Command) { return {}; }
+[[maybe_unused]] tools::Action bridge(rtbus::Command) { return {}; }
 
 constexpr tools::CommandEntry kCommands[] = {
     {"run", "Start and supervise the nodes of a session file", &tools::add_run},
@@ -27,6 +28,9 @@ constexpr tools::CommandEntry kCommands[] = {
     {"adjust", "Change a gain of a running session, where its file allows that", &tools::add_adjust},
 #if RTBUS_WITH_VIEW
     {"view", "Show a session in a browser, live, or a recording", &viewer},
+#endif
+#if RTBUS_WITH_DDS
+    {"bridge", "Show a session to ROS 2, over DDS", &bridge},
 #endif
 #if RTBUS_WITH_HDF5
     {"record", "Record a session into an HDF5 file", &tools::add_record},
@@ -73,6 +77,7 @@ const char* program_of(std::string_view word, int count, char** arguments) {
     if (word != entry.name) continue;
     if (entry.add == &evaluation) return "rtbus_evaluation";
     if (entry.add == &viewer) return "rtbus_view";
+    if (entry.add == &bridge) return "rtbus_bridge";
   }
   return nullptr;
 }
@@ -84,9 +89,9 @@ int become(const char* name, char** argv) {
   std::fprintf(stderr, "rtbus %s: %s: %s\n", argv[1], program.c_str(), std::strerror(errno));
   if (errno == ENOENT) {
     std::fprintf(stderr,
-                 "It is a program of its own. The package rtbus has it; in a source tree build it with\n"
+                 "It is a program of its own. The package %s has it; in a source tree build it with\n"
                  "  cmake --build build --target %s\n",
-                 name);
+                 std::string_view(name) == "rtbus_bridge" ? "rtbus-bridge" : "rtbus", name);
   }
   return tools::kExitFailed;
 }

@@ -98,6 +98,8 @@ class Run {
   [[nodiscard]] std::optional<ChildEnd> ended_node();
   [[nodiscard]] bool plan_restart(const ChildEnd& end);
   [[nodiscard]] bool start_again();
+  /// The session goes on without its bridge, and fails at its end.
+  [[nodiscard]] bool is_bridge(const std::string& name) const { return plan_.bridge && plan_.bridge->name == name; }
   void fill_report(const Snapshot& first, const Snapshot& last);
   [[nodiscard]] int finish();
 
@@ -223,12 +225,14 @@ bool Run::start() {
                  plan_.session.name.c_str());
   }
   if (!wait_for("a running heartbeat of every node", [this] { return all_beat(); })) return false;
-  return wait_for("the topics of every node", [this] {
+  const bool complete = wait_for("the topics of every node", [this] {
     bool all = !physics_ || physics_->attach();
     for (const auto& observer : observers_) all = observer->attach() && all;
     if (stills_) all = stills_->attach() && all;
     return all;
   });
+  if (complete && plan_.bridge) (void)start_children({*plan_.bridge});  // the session goes on without it
+  return complete;
 }
 
 bool Run::plan_restart(const ChildEnd& end) {
@@ -239,15 +243,16 @@ bool Run::plan_restart(const ChildEnd& end) {
   const RestartPolicy::Verdict verdict = policy.on_end(end.wait_status, end.started_ns, now_ns);
   if (!verdict.restart) {
     fail(end, verdict.why_not);
-    return false;
+    return is_bridge(end.name);
   }
+  const auto add_pending = [&](const ChildSpec& child) {
+    if (child.name != end.name) return;
+    pending_.push_back({child, now_ns + static_cast<std::uint64_t>(verdict.delay_s * 1e9)});
+  };
   for (const std::vector<ChildSpec>& children : {plan_.plants, plan_.nodes}) {
-    for (const ChildSpec& child : children) {
-      if (child.name == end.name) {
-        pending_.push_back({child, now_ns + static_cast<std::uint64_t>(verdict.delay_s * 1e9)});
-      }
-    }
+    for (const ChildSpec& child : children) add_pending(child);
   }
+  if (plan_.bridge) add_pending(*plan_.bridge);
   ended_cpu_s_[end.name] += end.cpu_s;
   RestartFigures restart;
   restart.node = end.name;
@@ -274,7 +279,7 @@ bool Run::start_again() {
       ++each;
       continue;
     }
-    if (!start_children({each->child})) return false;
+    if (!start_children({each->child}) && !is_bridge(each->child.name)) return false;
     each = pending_.erase(each);
   }
   return true;

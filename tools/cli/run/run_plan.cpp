@@ -14,6 +14,7 @@
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/topic_directory.hpp"
+#include "tools/bridge/config/bridge_config.hpp"
 #include "tools/cli/host/ask_kernel.hpp"
 #include "tools/cli/host/core_plan.hpp"
 
@@ -67,6 +68,21 @@ std::optional<ChildSpec> external_physics(const physics::NodeConfig& config, con
   return child;
 }
 
+/// Checks the keys of `bridge` and whether its program, which not every build or package has, is here.
+ChildSpec bridge_child(rtbus::config::SessionConfig& config, const RunPlan& plan, const std::string& folder,
+                       const std::string& file, const std::vector<std::string>& assignments) {
+  const std::string place = config.bridge->place();
+  (void)bridge::read_bridge_config(config, plan.haptic);
+  ChildSpec child{"bridge", Stage::kObserver, folder + "/rtbus_bridge", {"bridge", file}};
+  for (const std::string& text : assignments) child.arguments.insert(child.arguments.end(), {"--set", text});
+  if (::access(child.program.c_str(), X_OK) != 0) {
+    throw rtbus::config::Error(place + " needs the program " + child.program +
+                               "; install the package rtbus-bridge, or build with cyclonedds-dev and cyclonedds-tools, "
+                               "or leave it out with --set bridge=null");
+  }
+  return child;
+}
+
 }  // namespace
 
 RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& assignments) {
@@ -109,6 +125,7 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   } else if (plan.physics) {
     plan.nodes.push_back(child("physics", Stage::kPhysics, "physics_node", {}));
   }
+  if (config.bridge) plan.bridge = bridge_child(config, plan, folder, file, assignments);
   std::vector<int> requested;
   for (const haptic::HapticConfig& haptic : plan.haptic) requested.push_back(haptic.realtime.core);
   const std::vector<int> cores = plan_cores(cores_of_this_process(), requested);

@@ -26,6 +26,7 @@ struct RunPlan {
   std::vector<std::string> warnings;  ///< What the nodes are going to warn of, each with the node's name.
   std::vector<ChildSpec> plants;      ///< To be started first: a haptic node opens its device at once.
   std::vector<ChildSpec> nodes;       ///< Physics, then the haptic nodes.
+  std::optional<ChildSpec> bridge;    ///< To ROS 2: started when all the others run.
   bool awaits_physics = false;        ///< `engine: external` without a command: the user starts it by hand.
 };
 

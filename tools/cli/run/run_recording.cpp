@@ -22,7 +22,7 @@ rtbus::Result<void, std::string> RunRecording::start(const std::string& path, co
   if (::access(path.c_str(), F_OK) == 0) {
     return rtbus::Failure{path + " exists already; choose another name, or remove it first"};
   }
-  ChildSpec spec{kName, Stage::kRecorder, folder_of_this_program() + "/rtbus", {}};
+  ChildSpec spec{kName, Stage::kObserver, folder_of_this_program() + "/rtbus", {}};
   spec.arguments = {"record", path, "--session", plan_.session.name, "--wait", "--config", file_};
   for (const std::string& text : assignments_) spec.arguments.insert(spec.arguments.end(), {"--set", text});
   for (const std::string& each : with) spec.arguments.insert(spec.arguments.end(), {"--with", each});

@@ -184,7 +184,7 @@ bool Supervisor::ask_to_end(const std::string& name) {
 
 std::vector<ChildEnd> Supervisor::end_all() {
   std::vector<ChildEnd> bad;
-  for (const Stage stage : {Stage::kHaptic, Stage::kPhysics, Stage::kPlant, Stage::kRecorder}) {
+  for (const Stage stage : {Stage::kHaptic, Stage::kPhysics, Stage::kPlant, Stage::kObserver}) {
     for (const Child& child : children_) {
       if (child.stage != stage) continue;
       ::kill(child.pid, SIGTERM);

@@ -19,8 +19,9 @@
 
 namespace tools {
 
-/// Children are ended in this order: the force goes to zero first, and the plant feels it; a recorder sees it all.
-enum class Stage : std::uint8_t { kHaptic, kPhysics, kPlant, kRecorder };
+/// Children are ended in this order: the force goes to zero first, and the plant feels it; recorder and bridge see it
+/// all.
+enum class Stage : std::uint8_t { kHaptic, kPhysics, kPlant, kObserver };
 
 struct ChildSpec {
   std::string name;  ///< For people: "haptic0", "physics", "haptic0 plant".

@@ -176,7 +176,7 @@ class Soak {
   pid_t start_tool(std::vector<std::string> arguments) {
     tool_ = "tool " + std::to_string(++tools_);
     tool_end_.reset();
-    if (auto started = supervisor_.start({tool_, Stage::kRecorder, setup_.program, std::move(arguments)}); !started) {
+    if (auto started = supervisor_.start({tool_, Stage::kObserver, setup_.program, std::move(arguments)}); !started) {
       out_.problem = started.error();
       return 0;
     }

@@ -1,0 +1,296 @@
+// Sessions with `bridge:` under `rtbus run`: supervision, orders from ROS 2, and what others feel of it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/messages.hpp"
+#include "rtbus/order_messages.hpp"
+#include "rtbus/topic.hpp"
+#include "tests/bridge/fast_peer.hpp"
+#include "tests/support/process.hpp"
+#include "tests/support/temporary_file.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using tests::Bytes;
+using tests::Child;
+using tests::eventually;
+using tests::FastPeer;
+
+std::string text_of(const fs::path& file) {
+  std::ostringstream out;
+  out << std::ifstream(file).rdbuf();
+  return out.str();
+}
+
+/// The process of that name among the children of `parent`; 0: none.
+pid_t child_of(pid_t parent, const std::string& name) {
+  for (const auto& entry : fs::directory_iterator("/proc")) {
+    const std::string pid = entry.path().filename();
+    if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
+    const std::string stat = text_of(entry.path() / "stat");
+    const std::size_t close = stat.rfind(')');
+    if (close == std::string::npos || stat.find("(" + name + ")") == std::string::npos) continue;
+    if (stat.size() > close + 4 && std::atoi(stat.c_str() + close + 4) == parent) return std::atoi(pid.c_str());
+  }
+  return 0;
+}
+
+Bytes boolean(bool value) { return {0, 1, 0, 0, static_cast<std::uint8_t>(value ? 1 : 0)}; }
+Bytes number(double value) {
+  Bytes out{0, 1, 0, 0};
+  std::uint8_t bytes[sizeof value];
+  std::memcpy(bytes, &value, sizeof value);
+  out.insert(out.end(), std::begin(bytes), std::end(bytes));
+  return out;
+}
+
+class BridgeSession : public testing::Test {
+ protected:
+  void SetUp() override { bus_.name = "bridge" + std::to_string(getpid()) + "_" + std::to_string(++runs_); }
+  void TearDown() override {
+    run_.reset();
+    EXPECT_EQ(tests::segments_of(bus_.name), std::vector<std::string>{});
+  }
+
+  /// `rtbus run` of the wall, a hand at rest on it.
+  void start(const std::vector<std::string>& assignments) {
+    std::vector<std::string> words{std::string(RTBUS_BINARY_DIR) + "/rtbus",
+                                   "run",
+                                   std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
+                                   "--no-bare-loop",
+                                   "--no-plots",
+                                   "--report",
+                                   report(),
+                                   "--set",
+                                   "session=" + bus_.name};
+    for (const std::string& each : assignments) words.insert(words.end(), {"--set", each});
+    run_ = std::make_unique<Child>(words, log());
+    ASSERT_TRUE(eventually(60.0, [&] {
+      auto opened = rtbus::Reader<rtbus::Telemetry>::open(bus_, "haptic0.telemetry", {.presence = true});
+      if (opened) ticks_.emplace(std::move(*opened));
+      return ticks_.has_value();
+    })) << text_of(log());
+  }
+  /// Ends it. @returns its exit status.
+  int finish() {
+    run_->signal(SIGINT);
+    const int status = run_->wait();
+    run_.reset();
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  [[nodiscard]] pid_t bridge() const { return child_of(run_->pid(), "rtbus_bridge"); }
+  [[nodiscard]] bool await_bridge() {
+    return eventually(60.0, [&] { return bridge() != 0; });
+  }
+  [[nodiscard]] std::string log() const { return folder_.path().string() + "/log"; }
+  [[nodiscard]] std::string report() const { return folder_.path().string() + "/report.json"; }
+
+  /// Writes `payload` again and again, as a node that beats, until `condition` holds.
+  template <class Condition>
+  [[nodiscard]] static bool beat_until(FastPeer& peer, std::size_t writer, const Bytes& payload, Condition condition) {
+    std::uint64_t next_ns = 0;
+    return eventually(30.0, [&] {
+      if (rtbus::monotonic_ns() >= next_ns) {
+        next_ns = rtbus::monotonic_ns() + 50 * rtbus::kNsPerMs;
+        peer.write(writer, payload);
+      }
+      return condition();
+    });
+  }
+  [[nodiscard]] rtbus::Orders orders() {
+    if (!orders_) {
+      auto opened = rtbus::Reader<rtbus::Orders>::open(bus_, "haptic0.orders");
+      if (!opened) return {};
+      orders_.emplace(std::move(*opened));
+    }
+    (void)orders_->read_latest(newest_orders_);
+    return newest_orders_.value;
+  }
+
+  static inline int runs_ = 0;
+  rtbus::Session bus_;
+  tests::TemporaryFolder folder_;
+  std::unique_ptr<Child> run_;
+  std::optional<rtbus::Reader<rtbus::Telemetry>> ticks_;
+  std::optional<rtbus::Reader<rtbus::Orders>> orders_;
+  rtbus::Stamped<rtbus::Orders> newest_orders_{};
+};
+
+TEST_F(BridgeSession, WithoutBridgeNobodyMapsDds) {
+  start({});
+  int looked = 0;
+  for (const char* program : {"haptic_node", "physics_node"}) {
+    const pid_t pid = child_of(run_->pid(), program);
+    if (pid == 0) continue;
+    ++looked;
+    const std::string maps = text_of("/proc/" + std::to_string(pid) + "/maps");
+    EXPECT_THAT(maps, testing::HasSubstr("libc")) << program;
+    EXPECT_THAT(maps, testing::Not(testing::HasSubstr("ddsc"))) << program;
+  }
+  EXPECT_EQ(looked, 2);
+  const std::string maps = text_of("/proc/" + std::to_string(run_->pid()) + "/maps");
+  EXPECT_THAT(maps, testing::Not(testing::HasSubstr("ddsc"))) << "rtbus run";
+  EXPECT_EQ(bridge(), 0);
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+TEST_F(BridgeSession, ItsDeathIsFeltByNobodyAndItComesBack) {
+  start({"bridge.publish.pose.rate_hz=1000", "haptic.0.device.hand.type=none"});
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  FastPeer peer;
+  peer.listen("rt/haptic0/pose", "geometry_msgs::msg::dds_::PoseStamped_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.received("rt/haptic0/pose") > 0; })) << text_of(log());
+  const pid_t first = bridge();
+
+  // The bridge and all its threads keep off the loop's core, where there is another.
+  auto info = rtbus::Reader<rtbus::NodeInfo>::open(bus_, "haptic0.node_info");
+  ASSERT_TRUE(info);
+  rtbus::Stamped<rtbus::NodeInfo> node;
+  (void)info->read_latest(node);
+  const auto core = static_cast<int>(node.value.core);
+  int threads = 0;
+  for (const auto& task : fs::directory_iterator("/proc/" + std::to_string(first) + "/task")) {
+    cpu_set_t mask;
+    CPU_ZERO(&mask);
+    if (sched_getaffinity(std::stoi(task.path().filename()), sizeof mask, &mask) != 0) continue;
+    ++threads;
+    if (core >= 0 && sysconf(_SC_NPROCESSORS_ONLN) > 1) {
+      EXPECT_FALSE(CPU_ISSET(static_cast<unsigned>(core), &mask)) << task.path();
+    }
+  }
+  EXPECT_GT(threads, 2);
+
+  // A dead bridge: the loop ticks on, with the force that it had and no stage of the safety ladder more.
+  rtbus::Stamped<rtbus::Telemetry> tick;
+  ASSERT_TRUE(eventually(10.0, [&] { return ticks_->read_latest(tick) == rtbus::ReadStatus::kFresh; }));
+  const rtbus::Telemetry before = tick.value;
+  ::kill(first, SIGKILL);
+  ASSERT_TRUE(eventually(30.0, [&] { return bridge() != 0 && bridge() != first; })) << text_of(log());
+  ASSERT_TRUE(eventually(10.0, [&] { return ticks_->read_latest(tick) == rtbus::ReadStatus::kFresh; }));
+  EXPECT_GT(tick.value.tick, before.tick + 100);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(tick.value.force_n[i], before.force_n[i], 1e-6);
+  const std::uint64_t so_far = peer.received("rt/haptic0/pose");
+  EXPECT_TRUE(eventually(30.0, [&] { return peer.received("rt/haptic0/pose") > so_far; }));
+
+  EXPECT_EQ(finish(), 0) << text_of(log());
+  const nlohmann::json report = nlohmann::json::parse(text_of(this->report()), nullptr, false);
+  ASSERT_TRUE(report.is_object());
+  ASSERT_EQ(report["restarts"].size(), 1u);
+  EXPECT_EQ(report["restarts"][0]["node"], "bridge");
+  EXPECT_EQ(report["haptic"][0]["losses"].is_null() ? 0 : report["haptic"][0]["losses"].get<int>(), 0);
+}
+
+TEST_F(BridgeSession, WithoutItsNetworkTheSessionGoesOnAndSaysSoAtTheEnd) {
+  start({"bridge.network=nosuch0", "supervise.restarts=1", "supervise.first_delay_s=0.1"});
+  EXPECT_TRUE(eventually(60.0, [&] { return text_of(log()).find("crashed") != std::string::npos; })) << text_of(log());
+  rtbus::Stamped<rtbus::Telemetry> tick;
+  (void)ticks_->read_latest(tick);
+  const std::uint64_t then = tick.value.tick;
+  EXPECT_TRUE(eventually(10.0, [&] {
+    (void)ticks_->read_latest(tick);
+    return tick.value.tick > then + 100;
+  }));
+  EXPECT_EQ(finish(), 1);
+  EXPECT_THAT(text_of(log()), testing::HasSubstr("DDS does not begin on network 'nosuch0'"));
+}
+
+TEST_F(BridgeSession, OrdersAreOffUnlessNamed) {
+  start({"bridge.publish.pose.rate_hz=100"});
+  ASSERT_TRUE(await_bridge());
+  FastPeer peer;
+  peer.listen("rt/haptic0/pose", "geometry_msgs::msg::dds_::PoseStamped_");
+  const std::size_t stop = peer.announce("rt/estop", "std_msgs::msg::dds_::Bool_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.received("rt/haptic0/pose") > 100; })) << text_of(log());
+  EXPECT_FALSE(peer.matched(stop));
+  EXPECT_EQ(orders().estops, 0u);
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+TEST_F(BridgeSession, TakesOrdersWithOwnerTimeOutAndClamp) {
+  start({"bridge.publish.pose.rate_hz=100", "bridge.orders.estop.timeout_s=60", "bridge.orders.enable.timeout_s=1",
+         "bridge.orders.mark.per_s=5", "haptic.0.adjustable=[coupling.stiffness_n_per_m]",
+         "bridge.orders.adjust=[{key: haptic0.coupling.stiffness_n_per_m, least: 100, most: 250, timeout_s: 1}]"});
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  FastPeer peer;
+  const std::size_t stop = peer.announce("rt/estop", "std_msgs::msg::dds_::Bool_");
+  const std::size_t enable = peer.announce("rt/enable", "std_msgs::msg::dds_::Bool_");
+  const std::size_t other = peer.announce("rt/enable", "std_msgs::msg::dds_::Bool_");
+  const std::size_t gain =
+      peer.announce("rt/adjust/haptic0/coupling/stiffness_n_per_m", "std_msgs::msg::dds_::Float64_");
+  ASSERT_TRUE(eventually(30.0, [&] {
+    return peer.matched(stop) && peer.matched(enable) && peer.matched(other) && peer.matched(gain);
+  })) << text_of(log());
+
+  // A gain beyond the clamp arrives as the clamp; one below it likewise. Silence gives the file's value.
+  const double configured = [&] {
+    auto info = rtbus::Reader<rtbus::NodeInfo>::open(bus_, "haptic0.node_info");
+    rtbus::Stamped<rtbus::NodeInfo> node;
+    if (info) (void)info->read_latest(node);
+    return node.value.stiffness_rendered_n_per_m;
+  }();
+  EXPECT_TRUE(beat_until(peer, gain, number(1e6), [&] { return orders().stiffness_n_per_m == 250.0; }))
+      << text_of(log());
+  EXPECT_TRUE(beat_until(peer, gain, number(1.0), [&] { return orders().stiffness_n_per_m == 100.0; }));
+  EXPECT_TRUE(eventually(30.0, [&] { return orders().stiffness_n_per_m == configured; })) << configured;
+  EXPECT_EQ(orders().estops, 0u);
+
+  // The owner of `enable` begins with false, which stops; true re-arms. A second writer is refused.
+  EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] { return orders().estop == 1; })) << text_of(log());
+  EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return orders().estop == 0; })) << text_of(log());
+  const std::uint64_t stops = orders().estops;
+  for (int i = 0; i < 5; ++i) peer.write(other, boolean(false));
+  // The owner falls silent: one stop more, and his word is the reason.
+  EXPECT_TRUE(eventually(30.0, [&] { return orders().estop == 1; })) << text_of(log());
+  EXPECT_EQ(orders().estops, stops + 1);
+  EXPECT_THAT(std::string(rtbus::text_of(orders().reason)), testing::HasSubstr("silent"));
+
+  // E-stop by anybody; the beat of the one who enables does not undo it.
+  EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] { return orders().estop == 1; }));
+  EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return orders().estop == 0; })) << text_of(log());
+  const std::uint64_t before = orders().estops;
+  EXPECT_TRUE(beat_until(peer, stop, boolean(true), [&] { return orders().estops > before; })) << text_of(log());
+  int beats = 0;
+  EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return ++beats > 40; }));
+  EXPECT_EQ(orders().estop, 1u);
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+TEST_F(BridgeSession, RubbishChangesNothing) {
+  start({"bridge.publish.pose.rate_hz=100", "bridge.orders.estop.timeout_s=60", "bridge.orders.mark.per_s=5"});
+  ASSERT_TRUE(await_bridge());
+  FastPeer peer;
+  const std::size_t stop = peer.announce("rt/estop", "std_msgs::msg::dds_::Bool_");
+  const std::size_t mark = peer.announce("rt/mark", "std_msgs::msg::dds_::String_");
+  peer.listen("rt/haptic0/pose", "geometry_msgs::msg::dds_::PoseStamped_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(stop) && peer.matched(mark); })) << text_of(log());
+  const pid_t first = bridge();
+  for (int i = 0; i < 200; ++i) {
+    peer.write(stop, {0, 1, 0, 0});                                            // no value at all
+    peer.write(stop, {9, 9, 9, 9, 1});                                         // no encapsulation that there is
+    peer.write(mark, {0, 1, 0, 0, 0xff, 0xff, 0xff, 0xff, 'x'});               // a text of four gigabytes
+    peer.write(mark, {0, 1, 0, 0, 3, 0, 0, 0, static_cast<std::uint8_t>(i)});  // one that ends early
+  }
+  const std::uint64_t so_far = peer.received("rt/haptic0/pose");
+  EXPECT_TRUE(eventually(30.0, [&] { return peer.received("rt/haptic0/pose") > so_far + 10; })) << text_of(log());
+  EXPECT_EQ(bridge(), first);
+  EXPECT_EQ(orders().estops, 0u);
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+}  // namespace

@@ -1,0 +1,105 @@
+#include "tools/bridge/participant.hpp"
+
+#include <memory>
+#include <utility>
+
+#include "ros2_messages.h"
+
+namespace bridge {
+
+// The hashes are those of the published definitions, which ROS 2 computes when it generates its code.
+const MessageType kPoseStamped{&geometry_msgs_msg_dds__PoseStamped__desc,
+                               "10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"};
+const MessageType kTwistStamped{&geometry_msgs_msg_dds__TwistStamped__desc,
+                                "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64"};
+const MessageType kWrenchStamped{&geometry_msgs_msg_dds__WrenchStamped__desc,
+                                 "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"};
+const MessageType kJoy{&sensor_msgs_msg_dds__Joy__desc,
+                       "0d356c79cad3401e35ffeb75a96a96e08be3ef896b8b83841d73e890989372c5"};
+const MessageType kJointState{&sensor_msgs_msg_dds__JointState__desc,
+                              "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"};
+const MessageType kTfMessage{&tf2_msgs_msg_dds__TFMessage__desc,
+                             "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"};
+const MessageType kDiagnosticArray{&diagnostic_msgs_msg_dds__DiagnosticArray__desc,
+                                   "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"};
+const MessageType kBool{&std_msgs_msg_dds__Bool__desc, ""};
+const MessageType kFloat64{&std_msgs_msg_dds__Float64__desc, ""};
+const MessageType kString{&std_msgs_msg_dds__String__desc, ""};
+
+namespace {
+
+using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
+Qos new_qos() { return {dds_create_qos(), &dds_delete_qos}; }
+
+/// How Cyclone DDS is to be set up. A network without multicast (lo) is searched
+/// by unicast, at the places of the first participants, and every second: others may hear nothing else.
+std::string configuration(const std::string& network) {
+  std::string out = "<General>";
+  if (network != "auto") out += "<Interfaces><NetworkInterface name=\"" + network + "\"/></Interfaces>";
+  out += "</General><Discovery><SPDPInterval>1s</SPDPInterval>";
+  if (network == "lo") out += "<Peers><Peer address=\"127.0.0.1\"/></Peers>";
+  return out + "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery>";
+}
+
+}  // namespace
+
+bool DdsWriter::write(const void* message) noexcept {
+  if (dds_write(writer_, message) != DDS_RETCODE_OK) return false;
+  ++written_;
+  return true;
+}
+
+rtbus::Result<Participant, std::string> Participant::open(int domain, const std::string& network) {
+  const auto id = static_cast<dds_domainid_t>(domain);
+  const dds_entity_t made = dds_create_domain(id, configuration(network).c_str());
+  const dds_entity_t participant = made < 0 ? made : dds_create_participant(id, nullptr, nullptr);
+  if (participant < 0) {
+    if (made >= 0) dds_delete(made);
+    return rtbus::Failure{"DDS does not begin on network '" + network + "', domain " + std::to_string(domain) + ": " +
+                          dds_strretcode(participant) + "; `ip link` lists the interfaces, bridge.network names one"};
+  }
+  return Participant(made, participant);
+}
+
+Participant::Participant(Participant&& other) noexcept
+    : domain_(std::exchange(other.domain_, 0)), participant_(std::exchange(other.participant_, 0)) {}
+
+Participant::~Participant() {
+  if (domain_ > 0) dds_delete(domain_);
+}
+
+dds_entity_t Participant::topic(const std::string& name, const MessageType& type) {
+  return dds_create_topic(participant_, type.descriptor, ("rt" + name).c_str(), nullptr, nullptr);
+}
+
+rtbus::Result<DdsWriter, std::string> Participant::writer(const std::string& name, const MessageType& type,
+                                                          const WriterQos& wanted) {
+  const dds_entity_t to = topic(name, type);
+  const Qos qos = new_qos();
+  dds_qset_reliability(qos.get(), wanted.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
+                       DDS_MSECS(10));
+  dds_qset_durability(qos.get(), wanted.latched ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, wanted.depth);
+  if (wanted.latched) {
+    dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, wanted.depth, DDS_LENGTH_UNLIMITED,
+                                DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
+  }
+  dds_qset_writer_data_lifecycle(qos.get(), false);
+  const std::string hash = "typehash=RIHS01_" + std::string(type.hash) + ";";
+  dds_qset_userdata(qos.get(), hash.data(), hash.size());
+  const dds_entity_t made = to < 0 ? to : dds_create_writer(participant_, to, qos.get(), nullptr);
+  if (made < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(made)};
+  return DdsWriter(made);
+}
+
+rtbus::Result<DdsReader, std::string> Participant::reader(const std::string& name, const MessageType& type) {
+  const dds_entity_t to = topic(name, type);
+  const Qos qos = new_qos();
+  dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(10));
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, static_cast<std::int32_t>(DdsReader::kAtOnce));
+  const dds_entity_t made = to < 0 ? to : dds_create_reader(participant_, to, qos.get(), nullptr);
+  if (made < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(made)};
+  return DdsReader(made);
+}
+
+}  // namespace bridge
