@@ -83,8 +83,8 @@ class BridgeSession : public testing::Test {
     run_ = std::make_unique<Child>(words, log());
     ASSERT_TRUE(eventually(60.0, [&] {
       auto opened = rtbus::Reader<rtbus::Telemetry>::open(bus_, "haptic0.telemetry", {.presence = true});
-      if (opened) ticks_.emplace(std::move(*opened));
-      return ticks_.has_value();
+      if (opened && !ticks_) ticks_.emplace(std::move(*opened));
+      return ticks_.has_value() && text_of(log()).find("runs until Ctrl-C") != std::string::npos;
     })) << text_of(log());
   }
   /// Ends it. @returns its exit status.
@@ -113,6 +113,24 @@ class BridgeSession : public testing::Test {
       return condition();
     });
   }
+  struct Ticks {
+    double spread_n = 0.0;  ///< Largest less smallest vertical force.
+  };
+  /// All ticks since the last call, the last of then among them.
+  Ticks follow_ticks() {
+    double low = newest_tick_.force_n[1], high = low;
+    if (newest_tick_.tick == 0) {
+      low = 1e9;
+      high = -1e9;
+    }
+    rtbus::Stamped<rtbus::Telemetry> tick;
+    while (ticks_->read_next(tick) == rtbus::ReadStatus::kFresh) {
+      newest_tick_ = tick.value;
+      low = std::min(low, newest_tick_.force_n[1]);
+      high = std::max(high, newest_tick_.force_n[1]);
+    }
+    return {high - low};
+  }
   [[nodiscard]] rtbus::Orders orders() {
     if (!orders_) {
       auto opened = rtbus::Reader<rtbus::Orders>::open(bus_, "haptic0.orders");
@@ -128,6 +146,7 @@ class BridgeSession : public testing::Test {
   tests::TemporaryFolder folder_;
   std::unique_ptr<Child> run_;
   std::optional<rtbus::Reader<rtbus::Telemetry>> ticks_;
+  rtbus::Telemetry newest_tick_{};
   std::optional<rtbus::Reader<rtbus::Orders>> orders_;
   rtbus::Stamped<rtbus::Orders> newest_orders_{};
 };
@@ -151,7 +170,7 @@ TEST_F(BridgeSession, WithoutBridgeNobodyMapsDds) {
 }
 
 TEST_F(BridgeSession, ItsDeathIsFeltByNobodyAndItComesBack) {
-  start({"bridge.publish.pose.rate_hz=1000", "haptic.0.device.hand.type=none"});
+  start({"bridge.publish.pose.rate_hz=1000", "haptic.0.device.hand.release_s=0"});
   ASSERT_TRUE(await_bridge()) << text_of(log());
   FastPeer peer;
   peer.listen("rt/haptic0/pose", "geometry_msgs::msg::dds_::PoseStamped_");
@@ -176,15 +195,25 @@ TEST_F(BridgeSession, ItsDeathIsFeltByNobodyAndItComesBack) {
   }
   EXPECT_GT(threads, 2);
 
-  // A dead bridge: the loop ticks on, with the force that it had and no stage of the safety ladder more.
-  rtbus::Stamped<rtbus::Telemetry> tick;
-  ASSERT_TRUE(eventually(10.0, [&] { return ticks_->read_latest(tick) == rtbus::ReadStatus::kFresh; }));
-  const rtbus::Telemetry before = tick.value;
+  // The hand has fallen on the wall and lies there. No tick feels that the bridge dies and comes back.
+  const auto lies = [&] { return follow_ticks().spread_n < 0.01 && newest_tick_.force_n[1] > 0.05; };
+  ASSERT_TRUE(eventually(60.0, [&] {
+    usleep(200000);
+    return lies();
+  })) << newest_tick_.force_n[1];
+  const std::uint64_t tick_before = newest_tick_.tick;
   ::kill(first, SIGKILL);
-  ASSERT_TRUE(eventually(30.0, [&] { return bridge() != 0 && bridge() != first; })) << text_of(log());
-  ASSERT_TRUE(eventually(10.0, [&] { return ticks_->read_latest(tick) == rtbus::ReadStatus::kFresh; }));
-  EXPECT_GT(tick.value.tick, before.tick + 100);
-  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(tick.value.force_n[i], before.force_n[i], 1e-6);
+  double spread_n = 0.0;
+  ASSERT_TRUE(eventually(30.0, [&] {
+    spread_n = std::max(spread_n, follow_ticks().spread_n);
+    return bridge() != 0 && bridge() != first;
+  })) << text_of(log());
+  ASSERT_TRUE(eventually(30.0, [&] {
+    spread_n = std::max(spread_n, follow_ticks().spread_n);
+    return newest_tick_.tick > tick_before + 500;
+  }));
+  EXPECT_LT(spread_n, 0.02);
+  EXPECT_EQ(newest_tick_.gate, 1.0);
   const std::uint64_t so_far = peer.received("rt/haptic0/pose");
   EXPECT_TRUE(eventually(30.0, [&] { return peer.received("rt/haptic0/pose") > so_far; }));
 
@@ -193,12 +222,11 @@ TEST_F(BridgeSession, ItsDeathIsFeltByNobodyAndItComesBack) {
   ASSERT_TRUE(report.is_object());
   ASSERT_EQ(report["restarts"].size(), 1u);
   EXPECT_EQ(report["restarts"][0]["node"], "bridge");
-  EXPECT_EQ(report["haptic"][0]["losses"].is_null() ? 0 : report["haptic"][0]["losses"].get<int>(), 0);
 }
 
 TEST_F(BridgeSession, WithoutItsNetworkTheSessionGoesOnAndSaysSoAtTheEnd) {
   start({"bridge.network=nosuch0", "supervise.restarts=1", "supervise.first_delay_s=0.1"});
-  EXPECT_TRUE(eventually(60.0, [&] { return text_of(log()).find("crashed") != std::string::npos; })) << text_of(log());
+  EXPECT_TRUE(eventually(60.0, [&] { return text_of(log()).find("given up") != std::string::npos; })) << text_of(log());
   rtbus::Stamped<rtbus::Telemetry> tick;
   (void)ticks_->read_latest(tick);
   const std::uint64_t then = tick.value.tick;

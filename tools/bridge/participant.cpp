@@ -92,10 +92,11 @@ rtbus::Result<DdsWriter, std::string> Participant::writer(const std::string& nam
   return DdsWriter(made);
 }
 
-rtbus::Result<DdsReader, std::string> Participant::reader(const std::string& name, const MessageType& type) {
+rtbus::Result<DdsReader, std::string> Participant::reader(const std::string& name, const MessageType& type,
+                                                          bool reliable) {
   const dds_entity_t to = topic(name, type);
   const Qos qos = new_qos();
-  dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(10));
+  dds_qset_reliability(qos.get(), reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, DDS_MSECS(10));
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, static_cast<std::int32_t>(DdsReader::kAtOnce));
   const dds_entity_t made = to < 0 ? to : dds_create_reader(participant_, to, qos.get(), nullptr);
   if (made < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(made)};

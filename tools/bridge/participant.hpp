@@ -57,6 +57,8 @@ class DdsReader {
     if (count > 0) dds_return_loan(reader_, samples, count);
   }
 
+  [[nodiscard]] dds_entity_t entity() const noexcept { return reader_; }
+
  private:
   friend class Participant;
   explicit DdsReader(dds_entity_t reader) : reader_(reader) {}
@@ -76,8 +78,10 @@ class Participant {
   /// @param topic "/haptic0/pose". The errors are sentences for the user.
   [[nodiscard]] rtbus::Result<DdsWriter, std::string> writer(const std::string& topic, const MessageType& type,
                                                              const WriterQos& qos);
-  /// Reliable, keeps the last 16.
-  [[nodiscard]] rtbus::Result<DdsReader, std::string> reader(const std::string& topic, const MessageType& type);
+  /// Keeps the last 16.
+  [[nodiscard]] rtbus::Result<DdsReader, std::string> reader(const std::string& topic, const MessageType& type,
+                                                             bool reliable = true);
+  [[nodiscard]] dds_entity_t entity() const noexcept { return participant_; }
 
  private:
   Participant(dds_entity_t domain, dds_entity_t participant) : domain_(domain), participant_(participant) {}

@@ -5,6 +5,7 @@
 
 #include "rtbus/config/document.hpp"
 #include "tools/cli/common/find_config.hpp"
+#include "tools/evaluation/bench/bench_bridge.hpp"
 #include "tools/evaluation/bench/bench_devices.hpp"
 #include "tools/evaluation/bench/bench_external.hpp"
 #include "tools/evaluation/bench/bench_physics.hpp"
@@ -35,6 +36,11 @@ int bench(const BenchOptions& options, const std::string& command_line) {
       bench_external({find_session("wall"), find_session("free_block"), options.quick ? 3.0 : 10.0}, experiment);
       return experiment.finish(options.json);
     }
+    if (options.what == "bridge") {
+      Experiment experiment("bench", options.what, command_line, std::filesystem::path(options.out) / options.what);
+      bench_bridge({find_session("stack_125"), options.quick ? 3.0 : 10.0}, experiment);
+      return experiment.finish(options.json);
+    }
     BenchPhysicsOptions physics;
     for (const std::string& session : options.sessions) physics.session_files.push_back(find_session(session));
     physics.assignments = options.assignments;
@@ -58,13 +64,14 @@ Action add_bench(rtbus::Command command) {
   command
       .option("what", options->what,
               "physics: time of a step awake, pushed and asleep; devices: sample to force of each driver; "
-              "external: what an engine of your own pays for its answers, and what of the force is lost on the way")
+              "external: what an engine of your own pays for its answers, and what of the force is lost on the way; "
+              "bridge: what rtbus bridge costs, and how long DDS takes")
       .required()
-      .one_of({"physics", "devices", "external"});
+      .one_of({"physics", "devices", "external", "bridge"});
   command.option("--session", options->sessions, "Of physics: session, by name or file; as often as needed")
       .show_default()
       .type_name("FILE|NAME");
-  command.flag("--quick", options->quick, "300 steps per state instead of 1000; external: 3 s instead of 10");
+  command.flag("--quick", options->quick, "300 steps per state instead of 1000; external, bridge: 3 s instead of 10");
   command.option("--set", options->assignments, "Change a key of each session: --set physics.solver_iterations=20")
       .take_all();
   command.option("--out", options->out, "Folder for the results").show_default();
