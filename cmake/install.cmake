@@ -1,5 +1,5 @@
 # What `cmake --install` installs, and where. Components: runtime (programs, sessions,
-# pages), clib (the C interface), python, dev (libraries, headers).
+# pages), bridge (to ROS 2), clib (the C interface), python, dev (libraries, headers).
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -35,14 +35,21 @@ find_program(HELP2MAN_PROGRAM help2man)
 if(TARGET rtbus_view)
   set(viewer rtbus_view)
 endif()
+if(TARGET rtbus_bridge)
+  set(bridge rtbus_bridge dds_round_trip)
+  install(TARGETS ${bridge} RUNTIME DESTINATION ${programs_dir} COMPONENT bridge)
+endif()
 if(HELP2MAN_PROGRAM AND TARGET rtbus_evaluation)
   add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/man/rtbus.1
     COMMAND ${PROJECT_SOURCE_DIR}/cmake/make_man_pages $<TARGET_FILE:rtbus> ${PROJECT_VERSION} ${CMAKE_BINARY_DIR}/man
-    DEPENDS rtbus rtbus_evaluation ${viewer} cmake/make_man_pages VERBATIM)
+    DEPENDS rtbus rtbus_evaluation ${viewer} ${bridge} cmake/make_man_pages VERBATIM)
   add_custom_target(man_pages DEPENDS ${CMAKE_BINARY_DIR}/man/rtbus.1)
   file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/man)
   install(DIRECTORY ${CMAKE_BINARY_DIR}/man/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime
-    FILES_MATCHING PATTERN "*.1")
+    FILES_MATCHING PATTERN "*.1" PATTERN "rtbus-bridge.1" EXCLUDE)
+  if(TARGET rtbus_bridge)
+    install(FILES ${CMAKE_BINARY_DIR}/man/rtbus-bridge.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT bridge OPTIONAL)
+  endif()
 else()
   add_custom_target(man_pages)
   message(STATUS "help2man is not there (or the evaluation is left out): no manual pages")
@@ -112,7 +119,7 @@ install(FILES docs/writing-a-driver.md docs/shared-memory-layout.md
   DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/librtbus-dev COMPONENT dev)
 
 # All that the two components install, and nothing else: no tests.
-add_custom_target(installed_parts DEPENDS ${installed_targets} rtbus_bus rtbus_config rtbus_shapes man_pages)
+add_custom_target(installed_parts DEPENDS ${installed_targets} ${bridge} rtbus_bus rtbus_config rtbus_shapes man_pages)
 if(TARGET rtbus_c)
   add_dependencies(installed_parts rtbus_c rtbus_engine)
   if(TARGET mujoco_engine)

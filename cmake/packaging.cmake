@@ -1,4 +1,4 @@
-# Debian packages of the components: rtbus, librtbus1, python3-rtbus and librtbus-dev. `tools/build_package` runs cpack with this.
+# Debian packages of the components: rtbus, rtbus-bridge, librtbus1, python3-rtbus and librtbus-dev. `tools/build_package` runs cpack with this.
 set(RTBUS_PACKAGER "rtbus developers <rtbus@localhost>" CACHE STRING "Who makes the packages: Name <address>")
 set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_GENERATOR DEB)
@@ -12,6 +12,9 @@ if(RTBUS_BUILD_C_API)
 endif()
 if(TARGET mujoco_engine)
   list(APPEND CPACK_COMPONENTS_ALL mujoco)
+endif()
+if(TARGET rtbus_bridge)
+  list(APPEND CPACK_COMPONENTS_ALL bridge)
 endif()
 set(CPACK_COMPONENTS_GROUPING IGNORE)  # one package per component
 set(CPACK_DEB_COMPONENT_INSTALL ON)
@@ -61,6 +64,15 @@ set(CPACK_DEBIAN_MUJOCO_PACKAGE_DEPENDS "rtbus (= ${PROJECT_VERSION}), librtbus1
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_BINARY_DIR}/lib)  # librtbus_engine, of librtbus1
 set(CPACK_COMPONENT_MUJOCO_DESCRIPTION "The engine mujoco of rtbus: sessions with physics: {engine: mujoco} are
 simulated by MuJoCo, in a program of its own. Try \"rtbus run block_mujoco\".")
+
+set(CPACK_DEBIAN_BRIDGE_PACKAGE_NAME rtbus-bridge)
+set(CPACK_DEBIAN_BRIDGE_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_BRIDGE_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_BRIDGE_PACKAGE_DEPENDS "rtbus (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_BRIDGE_PACKAGE_SUGGESTS "iproute2")
+set(CPACK_COMPONENT_BRIDGE_DESCRIPTION "Shows rtbus sessions to ROS 2, over DDS and without ROS 2: poses, twists,
+wrenches, buttons, joint states, /tf and /diagnostics, under the names and types
+that ROS 2 has for them. Sessions with \"bridge:\" start it.")
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME librtbus-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)

@@ -24,7 +24,7 @@ expect() {  # expect TEXT COMMAND…: the output contains TEXT
   grep -qF -- "$text" <<<"$out" || fail "'$*' does not say '$text' but: $out"
 }
 
-for component in runtime clib python dev; do
+for component in runtime bridge clib python dev; do
   cmake --install "$build" --prefix "$prefix" --component $component --strip >"$work/install.log" || fail "installation"
 done
 ! grep -rl "$source" "$prefix/lib/cmake" "$prefix/share" || fail "these files name the source tree"
@@ -50,6 +50,10 @@ touch "$work/installed"
 rtbus=$prefix/bin/rtbus examples=$work/examples/build
 expect 'run' "$rtbus" __complete ru
 expect 'stack_125' "$rtbus" __complete run sta
+if [[ -x $prefix/lib/rtbus/bin/rtbus_bridge ]]; then
+  expect 'Publishes a session that runs until Ctrl-C' "$rtbus" bridge --help
+  expect '--set' "$rtbus" __complete bridge wall --s
+fi
 expect 'work-precision' "$rtbus" __complete evaluate wo
 expect 'there is no session file wal;' bash -c "! '$rtbus' run wal"
 expect 'toy moved by 0.0' "$examples/toy_driver" "$work/examples/toy_driver/toy.yaml"

@@ -85,7 +85,7 @@ bool exists(const std::string& name, const std::set<std::string>& tests) {
 
 class Documents : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Tables, Documents,
-                         testing::Values("devices", "safety", "device-force-dimension", "device-haply",
+                         testing::Values("bridge", "devices", "safety", "device-force-dimension", "device-haply",
                                          "device-openhaptics"),
                          [](const auto& document) {
                            std::string name = document.param;

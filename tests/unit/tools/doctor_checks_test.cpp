@@ -49,6 +49,14 @@ TEST(Doctor, FindsNothingOnAPerfectMachine) {
   }
 }
 
+TEST(Doctor, SaysHowToGetTheBridgeAndWarnsOfNothing) {
+  auto facts = perfect();
+  facts.bridge_is_here = false;
+  EXPECT_EQ(check_of(facts, "bridge").health, Health::kOk);
+  EXPECT_EQ(check_of(facts, "bridge").measured, "not installed");
+  EXPECT_THAT(check_of(facts, "bridge").remedy, HasSubstr("rtbus-bridge"));
+}
+
 TEST(Doctor, WarnsOfTopicsThatVanishAtLogOut) {
   auto facts = perfect();
   facts.logind.running = true;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tools/cli/common/command.hpp"
+#include "tools/cli/common/find_config.hpp"
 #include "tools/cli/common/interrupt.hpp"
 #include "tools/cli/devices/vendor_devices.hpp"
 #include "tools/cli/doctor/doctor_checks.hpp"
@@ -46,6 +47,7 @@ DoctorFacts gather(const DoctorOptions& options) {
   facts.logind = ask_logind(::geteuid(), user != nullptr ? user->pw_name : "");
   facts.clock_ns = measure_clock_ns();
   facts.topics = rtbus::list_topics();
+  facts.bridge_is_here = ::access((folder_of_this_program() + "/rtbus_bridge").c_str(), X_OK) == 0;
   if (options.vendors) facts.vendors = vendor_findings();
   const bool terminal = ::isatty(STDERR_FILENO) == 1;
   facts.wakeup = probe_wakeup({.duration_s = options.duration_s}, terminal ? draw_progress : nullptr);

@@ -234,14 +234,24 @@ DoctorCheck check_stale(const DoctorFacts& facts) {
   return check;
 }
 
+/// Most sessions do without it: that it is not there is nothing to warn of.
+DoctorCheck check_bridge(const DoctorFacts& facts) {
+  DoctorCheck check{"bridge", Health::kOk, "bridge to ROS 2", "installed", ""};
+  if (facts.bridge_is_here) return check;
+  check.measured = "not installed";
+  check.remedy = "only for ROS 2: install the package rtbus-bridge, or build with cyclonedds-dev and cyclonedds-tools";
+  return check;
+}
+
 }  // namespace
 
 std::vector<DoctorCheck> judge(const DoctorFacts& facts) {
-  std::vector<DoctorCheck> out = {
-      check_fifo(facts),        check_rtprio(facts),     check_memlock(facts),  check_mlockall(facts),
-      check_dma_latency(facts), check_throttling(facts), check_governor(facts), check_preemption(facts),
-      check_cores(facts),       check_isolation(facts),  check_clock(facts),    check_shm(facts),
-      check_virtual(facts),     check_remove_ipc(facts), check_stale(facts),    check_wakeup(facts)};
+  std::vector<DoctorCheck> out = {check_fifo(facts),      check_rtprio(facts),      check_memlock(facts),
+                                  check_mlockall(facts),  check_dma_latency(facts), check_throttling(facts),
+                                  check_governor(facts),  check_preemption(facts),  check_cores(facts),
+                                  check_isolation(facts), check_clock(facts),       check_shm(facts),
+                                  check_virtual(facts),   check_remove_ipc(facts),  check_stale(facts),
+                                  check_bridge(facts),    check_wakeup(facts)};
   // No vendor's device is needed for forces at 1 kHz: nothing of theirs makes a machine unfit.
   for (const drivers::Finding& each : facts.vendors) {
     out.push_back({"vendor", each.ok ? Health::kOk : Health::kWarn, each.what, each.state, each.remedy});

@@ -39,6 +39,7 @@ struct DoctorFacts {
   double clock_ns = 0.0;  ///< measure_clock_ns().
   WakeupFigures wakeup;
   std::vector<rtbus::TopicInfo> topics;   ///< list_topics().
+  bool bridge_is_here = true;             ///< The program rtbus_bridge.
   std::vector<drivers::Finding> vendors;  ///< Of makers' libraries and services, if asked for.
 };
 

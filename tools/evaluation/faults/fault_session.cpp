@@ -206,7 +206,7 @@ void FaultSession::stop_for(pid_t process, double seconds) {
 pid_t FaultSession::start_tool(const std::vector<std::string>& arguments, bool any_program) {
   tool_ = "tool " + std::to_string(++tools_);
   tool_end_.reset();
-  ChildSpec spec{tool_, Stage::kRecorder, setup_.program, arguments};
+  ChildSpec spec{tool_, Stage::kObserver, setup_.program, arguments};
   if (any_program) {
     spec.program = arguments.front();
     spec.arguments.erase(spec.arguments.begin());
