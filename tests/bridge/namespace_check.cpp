@@ -1,10 +1,11 @@
-// Refuses to run where others would hear the participants of these tests.
+// Refuses to run where others would hear the participants of these tests, and sees to it that they leave no file.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <array>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <string>
 
 namespace {
@@ -22,6 +23,13 @@ class OwnNetwork : public testing::Environment {
     if (outer != nullptr && own_network() != outer) return;
     std::fputs("bridge_tests: start it as tests/bridge/in_namespace build/bin/bridge_tests\n", stderr);
     std::exit(1);
+  }
+  /// Fast DDS's shared memory is switched off.
+  void TearDown() override {
+    for (const auto& entry : std::filesystem::directory_iterator("/dev/shm")) {
+      const std::string name = entry.path().filename();
+      EXPECT_FALSE(name.starts_with("fastrtps") || name.starts_with("fastdds")) << name;
+    }
   }
 };
 

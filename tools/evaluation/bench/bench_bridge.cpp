@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -32,22 +34,21 @@ constexpr double kMostOverUdp_us = 200.0;   // distributed systems of this kind 
 constexpr std::uint32_t kBodiesEvery = 10;  // hand samples
 
 /// In a network of its own: the bridge, and who receives from it. Arguments: folder, session file, session, seconds.
-constexpr const char* kCostScript = R"(set -eu
+constexpr const char* kCostScript = R"sh(set -eu
 ip link set lo up
 "$1/rtbus_bridge" bridge "$2" --set "session=$3" --set bridge.network=lo \
   --set 'bridge.publish={pose: {rate_hz: 1000}, tf: {rate_hz: 100}}' >/dev/null &
 bridge=$!
 trap 'kill $bridge; wait $bridge || true' EXIT
 "$1/dds_round_trip" listen --network lo --pid $bridge --seconds "$4"
-)";
+)sh";
 
 /// Two networks joined by a cable. Arguments: folder, seconds.
-constexpr const char* kRoundTripScript = R"(set -eu
+constexpr const char* kRoundTripScript = R"sh(set -eu
 unshare --net sleep infinity &
 other=$!
 trap 'kill $other ${echo:-} 2>/dev/null; wait || true' EXIT
-while [ "$(readlink /proc/$other/ns/net)" = "$(readlink /proc/self/ns/net)" ];
-do sleep 0.01; done
+while [ "$(readlink /proc/$other/ns/net)" = "$(readlink /proc/self/ns/net)" ]; do sleep 0.01; done
 ip link add near type veth peer name far netns $other
 ip addr add 10.77.0.1/24 dev near
 ip link set near up
@@ -55,11 +56,12 @@ nsenter --target $other --net sh -c 'ip addr add 10.77.0.2/24 dev far; ip link s
 nsenter --target $other --net "$1/dds_round_trip" echo --network far &
 echo=$!
 "$1/dds_round_trip" ping --network near --peer 10.77.0.2 --seconds "$2"
-)";
+)sh";
 
-/// Runs a script of ours in a new network. @returns the JSON document in its last line; none: it failed, and a note says
-/// how.
-std::optional<json> run_in_network(const char* script, const std::vector<std::string>& arguments, Experiment& experiment) {
+/// Runs a script of ours in a new network. @returns the JSON document in its last line; none: it failed, and a note
+/// says how.
+std::optional<json> run_in_network(const char* script, const std::vector<std::string>& arguments,
+                                   Experiment& experiment) {
   std::vector<std::string> words;
   if (::geteuid() != 0) words = {"--user", "--map-root-user"};
   words.insert(words.end(), {"--net", "bash", "-c", script, "bash"});
