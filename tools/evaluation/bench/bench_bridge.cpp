@@ -43,7 +43,8 @@ trap 'kill $bridge; wait $bridge || true' EXIT
 "$1/dds_round_trip" listen --network lo --pid $bridge --seconds "$4"
 )sh";
 
-/// Two networks joined by a cable. Arguments: folder, seconds.
+/// Two networks joined by a cable. Arguments: folder, seconds. (Cyclone DDS ends its threads by messages to its own
+/// address, which take the loopback.)
 constexpr const char* kRoundTripScript = R"sh(set -eu
 unshare --net sleep infinity &
 other=$!
@@ -51,8 +52,9 @@ trap 'kill $other ${echo:-} 2>/dev/null; wait || true' EXIT
 while [ "$(readlink /proc/$other/ns/net)" = "$(readlink /proc/self/ns/net)" ]; do sleep 0.01; done
 ip link add near type veth peer name far netns $other
 ip addr add 10.77.0.1/24 dev near
+ip link set lo up
 ip link set near up
-nsenter --target $other --net sh -c 'ip addr add 10.77.0.2/24 dev far; ip link set far up'
+nsenter --target $other --net sh -c 'ip addr add 10.77.0.2/24 dev far; ip link set lo up; ip link set far up'
 nsenter --target $other --net "$1/dds_round_trip" echo --network far &
 echo=$!
 "$1/dds_round_trip" ping --network near --peer 10.77.0.2 --seconds "$2"
