@@ -56,8 +56,8 @@ class Bus : public testing::Test {
         "\nE: SUBSYSTEM=usb\nE: DEVTYPE=usb_device\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=" + number +
         "\nE: DEVNAME=/dev/bus/usb/001/" + number + "\nE: MAJOR=189\nE: MINOR=" + std::to_string(port) +
         "\nA: busnum=1\\n\nA: devnum=" + std::to_string(port + 1) +
-        "\\n\nA: speed=12\\n\nA: bConfigurationValue=1\\n\nA: serial=" + serial +
-        "\\n\nA: product=Echo\\n\nH: descriptors=" + hex + "\n";
+        "\\n\nA: speed=12\\n\nA: bConfigurationValue=1\\n\nA: serial=" + serial + "\\n\nA: product=" + name +
+        "\\n\nH: descriptors=" + hex + "\n";
     GError* error = nullptr;
     ASSERT_TRUE(umockdev_testbed_add_from_string(bed_, text.c_str(), &error)) << (error ? error->message : "");
   }
