@@ -34,12 +34,15 @@ class AsOrdinaryUser {
 class VendorDevices : public ::testing::Test {
  protected:
   void SetUp() override {
+    umask_ = ::umask(022);  // everybody may look into the folders
     fs::remove_all(root_);
     fs::create_directories(root_ / "sys/bus/usb/devices");
     fs::create_directories(root_ / "dev/bus/usb/001");
-    fs::permissions(root_, fs::perms::owner_all | fs::perms::others_read | fs::perms::others_exec);
   }
-  void TearDown() override { fs::remove_all(root_); }
+  void TearDown() override {
+    fs::remove_all(root_);
+    (void)::umask(umask_);
+  }
 
   /// A device at 1-PORT, whose USB node everybody may open.
   void plug(int port, const std::string& vendor, const std::string& product, const std::string& name) {
@@ -76,6 +79,9 @@ class VendorDevices : public ::testing::Test {
 
  protected:
   const fs::path root_ = fs::temp_directory_path() / ("rtbus-bus-" + std::to_string(::getpid()));
+
+ private:
+  mode_t umask_ = 0;
 };
 
 TEST_F(VendorDevices, ASerialPortOrHidNodeThatIsNotPermittedIsNamedWithTheRules) {
