@@ -73,7 +73,7 @@ if /usr/bin/python3 -c 'import numpy' 2>/dev/null; then
   grep -q '"engine": "external"' wall.json || fail "python_wall: another engine"
 fi
 # `pip install .` in the source tree, a copy of it here, into an environment of its own.
-if /usr/bin/python3 -c 'import numpy, pip, setuptools, venv, wheel' 2>/dev/null; then
+if [[ -z $(/usr/bin/python3 -c 'import importlib.util as u; print(*(n for n in "numpy pip setuptools venv wheel".split() if not u.find_spec(n)))') ]]; then
   mkdir -p "$work"/tree/{rtbus,build/lib}
   cp "$source/CMakeLists.txt" "$work/tree"
   cp -r "$source/rtbus/python" "$work/tree/rtbus"
