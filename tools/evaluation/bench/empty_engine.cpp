@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "rtbus_engine.h"
+#include "physics_node/external/rtbus_engine.h"
 
 namespace {
 
