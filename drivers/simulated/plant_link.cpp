@@ -25,7 +25,7 @@ rtbus::Result<void, DeviceFault> PlantLink::start(std::uint64_t) {
     commands_.emplace(std::move(*writer));
   }
   clamped_ = 0;
-  have_state_ = false;
+  have_state_ = obeys_ = false;
 
   const std::uint64_t give_up_ns = rtbus::monotonic_ns() + kStartPatienceNs;
   for (;;) {
@@ -52,7 +52,10 @@ rtbus::Result<void, DeviceFault> PlantLink::start(std::uint64_t) {
 }
 
 bool PlantLink::fetch() noexcept RTBUS_NONBLOCKING {
-  if (states_.read_latest(newest_) == rtbus::ReadStatus::kFresh) unread_ = have_state_ = true;
+  if (states_.read_latest(newest_) == rtbus::ReadStatus::kFresh) {
+    unread_ = have_state_ = true;
+    obeys_ = obeys_ || newest_.value.timed_out == 0;
+  }
   return unread_;
 }
 
@@ -94,7 +97,9 @@ IoStatus PlantLink::write(std::uint64_t now_ns, const ForceCommand& command) noe
   Eigen::Vector3d force_n = rtbus::vector_of(command.force_n);
   if (!limit_force(info_.max_force_n, force_n)) ++clamped_;
   commands_->publish({rtbus::array_of(force_n)}, now_ns);
-  return IoStatus::kOk;
+  // A plant that lets go while it is commanded does not get the commands: their topic is lost, and is being made anew.
+  // The force that it takes next has to come by a ramp.
+  return obeys_ && newest_.value.timed_out != 0 ? IoStatus::kLost : IoStatus::kOk;
 }
 
 void PlantLink::stop() noexcept {

@@ -63,6 +63,7 @@ class PlantLink final : public Device {
   rtbus::Stamped<rtbus::PlantState> newest_;
   bool unread_ = false;      ///< newest_ came in by fetch() and was not handed out by read() yet.
   bool have_state_ = false;  ///< Something came since start().
+  bool obeys_ = false;       ///< The plant has taken a command since start().
   std::uint64_t next_sample_ns_ = 0;
   std::uint64_t clamped_ = 0;
 };

@@ -101,6 +101,54 @@ TEST_P(Documents, NameTestsThatExist) {
   for (const std::string& name : named) EXPECT_TRUE(exists(name, tests)) << name;
 }
 
+/// The rows of `rtbus evaluate faults`, from its sources: those of drivers that are not built count too.
+std::set<std::string> fault_rows_in_code() {
+  std::set<std::string> out;
+  const std::regex designated(R"re(\.name = "(\w+)")re"), listed(R"re(\{"([a-z]\w+)",\s*")re");
+  for (const auto& entry : fs::directory_iterator(kRoot / "tools/evaluation/faults")) {
+    const std::string file = entry.path().filename().string();
+    const bool table = file == "device_faults.cpp" || file == "python_engine.cpp";
+    if (!table && !file.ends_with("_faults.cpp")) continue;
+    const std::string text = text_of(entry.path());
+    for (std::sregex_iterator it(text.begin(), text.end(), table ? listed : designated), end; it != end; ++it) {
+      out.insert((*it)[1]);
+    }
+  }
+  return out;
+}
+
+/// What stands between `…` in the third column of the table whose heading is "Promise | Condition | Row | Figure".
+std::set<std::string> fault_rows_in(const std::string& document) {
+  std::set<std::string> out;
+  std::istringstream stream(document);
+  const std::regex heading(R"(^\|\s*Promise\s*\|\s*Condition\s*\|\s*Row\s*\|\s*Figure\s*\|\s*$)");
+  const std::regex cells(R"(^\|[^|]*\|[^|]*\|([^|]*)\|[^|]*\|\s*$)"), name("`(\\w+)`");
+  bool inside = false;
+  std::smatch row;
+  for (std::string line; std::getline(stream, line);) {
+    if (!line.starts_with("|")) inside = false;
+    if (std::regex_match(line, heading)) inside = true;
+    if (!inside || !std::regex_match(line, row, cells)) continue;
+    const std::string cell = row[1];
+    for (std::sregex_iterator it(cell.begin(), cell.end(), name), end; it != end; ++it) out.insert((*it)[1]);
+  }
+  return out;
+}
+
+TEST(SafetyTable, NamesEachRowOfTheFaultsAndNoOther) {
+  const std::set<std::string> code = fault_rows_in_code();
+  EXPECT_GT(code.size(), 45u);
+  EXPECT_TRUE(code.contains("physics_killed") && code.contains("omega_silent") && code.contains("python_raises"));
+  EXPECT_EQ(fault_rows_in(text_of(kRoot / "docs/safety.md")), code);
+}
+
+TEST(SafetyTable, IsReadByItsHeading) {
+  EXPECT_EQ(
+      fault_rows_in("| Promise | Condition | Row | Figure |\n|---|---|---|---|\n| zero | `x` | `one`, `two` | 3 |\n"
+                    "\n| a | b | `three` | c |\n"),
+      (std::set<std::string>{"one", "two"}));
+}
+
 TEST(DocumentTables, AWrongNameWouldBeSeen) {
   const std::set<std::string> tests{"Suite.DoesThis", "fuzz_stream"};
   EXPECT_TRUE(exists("Suite.DoesThis", tests));

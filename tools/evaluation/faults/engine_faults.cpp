@@ -27,9 +27,10 @@ FaultRow row_of(const PythonFault& fault) {
   FaultRow row;
   row.name = fault.name;
   row.what = fault.what;
-  row.feels = fault.ends_in_zero ? Feels::kZero : Feels::kNothing;
+  row.feels = fault.ends_in_zero ? Feels::kZero : Feels::kAnything;
   row.zero_ms = fault.beats_on ? kHangZero_ms : kLossZero_ms;
   row.restarts_least = row.restarts_most = fault.ends_the_program ? 1 : 0;
+  row.both_methods = false;  // it tells no contacts, which local_contact needs
   row.why_not = [] {
     static const std::string why = why_no_python_engine();
     return why;

@@ -17,7 +17,7 @@ struct RunCommand {
   std::vector<std::string> arguments;
   std::vector<std::pair<std::string, std::string>> environment;
   std::string preload;  ///< A library for all processes of the session; empty: none.
-  std::string limits;   ///< What sh does before, for example "ulimit -v 60000"; empty: nothing.
+  std::string limits;   ///< What sh does before, for example "ulimit -v 30000"; empty: nothing.
 };
 
 /// What the hand feels meanwhile.
@@ -41,7 +41,7 @@ struct FaultRow {
   Feels feels = Feels::kZero;
   double zero_ms = 0.0;  ///< With kZero: after the fault, without pauses of the machine (docs/safety.md).
   Ends ends = Ends::kComesBack;
-  int restarts_least = 0, restarts_most = 0;  ///< Nodes that the session starts again.
+  int restarts_least = 0, restarts_most = 0;  ///< Nodes that the session starts again; −1: it tells none.
   int exit_status = 0;                        ///< Of `rtbus run`; kAnyFailure: other than 0.
   bool quick = true;                          ///< Also with --quick.
   bool alone = false;                         ///< It takes the machine's CPUs: nothing runs beside it.

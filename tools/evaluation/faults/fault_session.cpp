@@ -261,7 +261,8 @@ FaultOutcome FaultSession::run() {
     }
   }
   if (!out_.trace.empty()) judge_trace(over_ns_, out_);
-  if (setup_.row->own_pauses) out_.pause_ms = 0.0;
+  // Without a force there is nothing that a pause could delay.
+  if (setup_.row->own_pauses || setup_.row->ends == Ends::kNeverStarts) out_.pause_ms = 0.0;
   end();
   return std::move(out_);
 }

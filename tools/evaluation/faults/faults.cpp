@@ -33,10 +33,10 @@ constexpr double kReturn_ms = 5000.0;
 /// A row with one method, and its runs.
 struct Case {
   const FaultRow* row;
-  std::string method;  ///< Empty: the session's own.
+  std::string method = {};  ///< Empty: the session's own.
   int tries = 0, paused = 0;
   double longest_pause_ms = 0.0;
-  std::vector<FaultOutcome> counted, failed;
+  std::vector<FaultOutcome> counted = {}, failed = {};
 };
 
 std::string label(const Case& each) { return each.row->name + (each.method.empty() ? "" : "." + each.method); }

@@ -57,10 +57,10 @@ CpuHogs::CpuHogs(int count, int core, int fifo_priority, double seconds) {
       }
       sched_param parameters{};
       parameters.sched_priority = fifo_priority;
-      const char granted = static_cast<char>(
-          (fits && (fifo_priority == 0 || ::sched_setscheduler(0, SCHED_FIFO, &parameters) == 0)) ? 1 : 0);
-      (void)!::write(ready[1], &granted, 1);
-      if (granted == 0) ::_exit(1);
+      const bool granted = fits && (fifo_priority == 0 || ::sched_setscheduler(0, SCHED_FIFO, &parameters) == 0);
+      const std::uint64_t now_ns = granted ? rtbus::monotonic_ns() : 0;
+      (void)!::write(ready[1], &now_ns, sizeof now_ns);
+      if (!granted) ::_exit(1);
       const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(seconds * 1e9);
       while (rtbus::monotonic_ns() < end_ns) {
       }
@@ -70,7 +70,10 @@ CpuHogs::CpuHogs(int count, int core, int fifo_priority, double seconds) {
   }
   ::close(ready[1]);
   std::size_t granted = 0;
-  for (char one = 0; granted < pids_.size() && ::read(ready[0], &one, 1) == 1 && one == 1;) ++granted;
+  for (std::uint64_t at_ns = 0; granted < pids_.size() && ::read(ready[0], &at_ns, sizeof at_ns) == sizeof at_ns;) {
+    if (at_ns == 0) break;
+    if (granted++ == 0) began_ns_ = at_ns;
+  }
   ::close(ready[0]);
   ok_ = granted == static_cast<std::size_t>(count);
 }

@@ -4,6 +4,7 @@
 /// it, and after a time of their own.
 #include <sys/types.h>
 
+#include <cstdint>
 #include <vector>
 
 namespace tools {
@@ -17,9 +18,12 @@ class CpuHogs {
   CpuHogs(const CpuHogs&) = delete;
   CpuHogs& operator=(const CpuHogs&) = delete;
   [[nodiscard]] bool run() const noexcept { return ok_; }
+  /// When the first of them began; CLOCK_MONOTONIC.
+  [[nodiscard]] std::uint64_t began_ns() const noexcept { return began_ns_; }
 
  private:
   std::vector<pid_t> pids_;
+  std::uint64_t began_ns_ = 0;
   bool ok_ = true;
 };
 

@@ -174,7 +174,7 @@ std::vector<FaultRow> node_faults() {
                  .happen = [](FaultSession& cell) {
                    const CpuHogs hog(1, cell.haptic_core(), kTopFifo, kStarved_s);
                    if (!hog.run()) return cell.fail("no process of SCHED_FIFO 99 could be had");
-                   cell.mark_fault();
+                   cell.mark_fault_at(hog.began_ns());
                    cell.follow(kStarved_s);
                  }});
   out.push_back({.name = "plant_killed",

@@ -85,7 +85,7 @@ std::uint16_t port_of(const FaultSession& cell) {
 /// @returns the viewer; 0: it did not come.
 pid_t start_viewer(FaultSession& cell) {
   const std::uint16_t port = port_of(cell);
-  const pid_t pid = cell.start_tool({viewer(), "--session", cell.name(), "--port", std::to_string(port)}, true);
+  const pid_t pid = cell.start_tool({viewer(), "view", "--session", cell.name(), "--port", std::to_string(port)}, true);
   if (pid == 0) return 0;
   const auto listens = [&] {
     const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);

@@ -26,6 +26,8 @@ namespace {
 constexpr const char* kSharedMemory = "/dev/shm";
 constexpr const char* kFiller = "/dev/shm/filler";
 constexpr double kExhausted_s = 2.0;
+/// It asks for more with each doubling of what it keeps.
+constexpr double kSupervisorNeeds_s = 20.0;
 constexpr int kMostForks = 300;
 
 /// A mount that this process and its children alone see. @returns why not, or "".
@@ -126,14 +128,27 @@ rlim_t descriptors(pid_t pid) {
 }
 
 /// While something asks for more: an observer comes and goes.
-void exhaust(FaultSession& cell, __rlimit_resource which, rlim_t (*to)(pid_t)) {
-  const LoweredLimit limit(cell.processes(), which, to);
+void exhaust(FaultSession& cell, const std::vector<pid_t>& of, __rlimit_resource which, rlim_t (*to)(pid_t)) {
+  const LoweredLimit limit(of, which, to);
   if (!limit.holds()) return cell.fail("no limit could be lowered");
   cell.mark_fault();
   const pid_t observer =
       cell.start_tool({"echo", "physics.contact_points.haptic0", "--json", "--session", cell.name()});
   cell.follow(kExhausted_s);
   if (!cell.tool_end()) cell.signal(observer, SIGKILL);
+}
+
+/// Without the supervisor, which keeps what its report tells.
+std::vector<pid_t> nodes_of(FaultSession& cell) {
+  std::vector<pid_t> out = cell.processes();
+  std::erase(out, cell.supervisor());
+  return out;
+}
+
+void exhaust_supervisor(FaultSession& cell) {
+  const LoweredLimit limit({cell.supervisor()}, RLIMIT_AS, &mapped_bytes);
+  if (!limit.holds()) return cell.fail("no limit could be lowered");
+  (void)cell.follow_until(kSupervisorNeeds_s, [&] { return cell.supervisor() == 0; });
 }
 
 std::string disk_of(const FaultSession& cell) { return cell.scratch(); }
@@ -161,15 +176,23 @@ std::vector<FaultRow> resource_faults() {
                    fill(kFiller);
                  }});
   out.push_back({.name = "memory_exhausted",
-                 .what = "no process of the session gets any memory more for 2 s (RLIMIT_AS)",
+                 .what = "no node of the session gets any memory more for 2 s (RLIMIT_AS)",
                  .feels = Feels::kNothing,
-                 .happen = [](FaultSession& cell) { exhaust(cell, RLIMIT_AS, &mapped_bytes); }});
+                 .happen = [](FaultSession& cell) { exhaust(cell, nodes_of(cell), RLIMIT_AS, &mapped_bytes); }});
+  out.push_back({.name = "supervisor_memory_exhausted",
+                 .what = "`rtbus run` gets no memory more (RLIMIT_AS)",
+                 .feels = Feels::kAnything,
+                 .ends = Ends::kWithSession,
+                 .restarts_least = -1,  // it writes no report
+                 .exit_status = FaultRow::kAnyFailure,
+                 .hold_s = kSupervisorNeeds_s,
+                 .happen = &exhaust_supervisor});
   out.push_back({.name = "memory_exhausted_at_start",
-                 .what = "the session is started with 60 MB of address space per process",
+                 .what = "the session is started with 30 MB of address space per process",
                  .feels = Feels::kAnything,
                  .ends = Ends::kNeverStarts,
                  .exit_status = FaultRow::kAnyFailure,
-                 .prepare = [](RunCommand& command, const FaultSession&) { command.limits = "ulimit -v 60000"; }});
+                 .prepare = [](RunCommand& command, const FaultSession&) { command.limits = "ulimit -v 30000"; }});
   out.push_back({.name = "forks_without_end",
                  .what = "300 processes that fork without end, for a second",
                  .feels = Feels::kNothing,
@@ -182,7 +205,7 @@ std::vector<FaultRow> resource_faults() {
   out.push_back({.name = "descriptors_exhausted",
                  .what = "no process of the session gets any descriptor more for 2 s (RLIMIT_NOFILE)",
                  .feels = Feels::kNothing,
-                 .happen = [](FaultSession& cell) { exhaust(cell, RLIMIT_NOFILE, &descriptors); }});
+                 .happen = [](FaultSession& cell) { exhaust(cell, cell.processes(), RLIMIT_NOFILE, &descriptors); }});
 #if RTBUS_WITH_HDF5
   out.push_back({.name = "disk_full",
                  .what = "the disk is full while the session is recorded (needs root)",
