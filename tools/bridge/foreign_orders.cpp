@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "ros2_messages.h"
+#include <ros2_messages.h>
 #include "rtbus/clock.hpp"
 #include "rtbus/realtime.hpp"
 #include "tools/bridge/order_rules.hpp"

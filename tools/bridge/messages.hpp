@@ -11,7 +11,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "ros2_messages.h"
+#include <ros2_messages.h>
 #include "rtbus/messages.hpp"
 
 namespace bridge {

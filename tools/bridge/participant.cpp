@@ -3,7 +3,7 @@
 #include <memory>
 #include <utility>
 
-#include "ros2_messages.h"
+#include <ros2_messages.h>
 
 namespace bridge {
 

@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "ros2_messages.h"
+#include <ros2_messages.h>
 #include "rtbus/clock.hpp"
 #include "tools/bridge/messages.hpp"
 #include "tools/bridge/participant.hpp"
