@@ -36,7 +36,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     const rtbus::config::SessionConfig session = rtbus::config::load_session(session_file);
     for (const auto& body : session.scene.bodies) {
-      require(std::isfinite(body.mass_kg) && body.mass_kg >= 0.0 && body.position_m.allFinite());
+      require(std::isfinite(body.mass_kg) && body.mass_kg >= 0.0 && body.p_WB.allFinite());
     }
     (void)session.scene.static_shapes();
   } catch (const rtbus::config::Error&) {  // the other end that it may have

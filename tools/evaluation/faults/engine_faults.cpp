@@ -28,7 +28,7 @@ FaultRow row_of(const PythonFault& fault) {
   row.name = fault.name;
   row.what = fault.what;
   row.feels = fault.ends_in_zero ? Feels::kZero : Feels::kAnything;
-  row.zero_ms = fault.beats_on ? kHangZero_ms : kLossZero_ms;
+  row.zero_ms = !fault.ends_in_zero ? 0.0 : fault.beats_on ? kHangZero_ms : kLossZero_ms;
   row.restarts_least = row.restarts_most = fault.ends_the_program ? 1 : 0;
   row.both_methods = false;  // it tells no contacts, which local_contact needs
   row.why_not = [] {

@@ -27,6 +27,7 @@ void hang(FaultSession& cell) {
   const auto hung = StoppedThread::stop(cell.physics(), "physics_step");
   if (!hung) return cell.fail(hung.error());
   cell.follow(kHung_s);
+  cell.mark_fault_at(cell.physics_beat().last_work_ns);  // its last step
   if (cell.physics_beat().beats < beats + 10) cell.fail("the heartbeat of physics stopped too: this was another fault");
 }
 
@@ -37,6 +38,7 @@ void crawl(FaultSession& cell) {
       const auto hung = StoppedThread::stop(cell.physics(), "physics_step");
       if (!hung) return cell.fail(hung.error());
       cell.follow(kSlowStep_s);
+      if (step == 0) cell.mark_fault_at(cell.physics_beat().last_work_ns);
     }
     cell.follow(0.005);
   }
