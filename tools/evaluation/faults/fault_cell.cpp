@@ -60,7 +60,7 @@ void write_trace(const std::string& file, const FaultOutcome& outcome) {
 
 }  // namespace
 
-FaultCell::FaultCell(FaultSetup setup, std::string trace)
+FaultCell::FaultCell(FaultSetup setup, const std::string& trace)
     : setup_(std::move(setup)),
       began_ns_(rtbus::monotonic_ns()),
       limit_ns_(static_cast<std::uint64_t>((kLimit_s + setup_.row->hold_s) * 1e9)) {

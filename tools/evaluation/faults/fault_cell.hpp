@@ -15,7 +15,7 @@ namespace tools {
 class FaultCell {
  public:
   /// Starts it. @param trace File for the trace of the force; empty: none.
-  FaultCell(FaultSetup setup, std::string trace);
+  FaultCell(FaultSetup setup, const std::string& trace);
   ~FaultCell();
   FaultCell(FaultCell&& other) noexcept;
   FaultCell& operator=(FaultCell&&) = delete;
