@@ -43,18 +43,14 @@ struct FaultRow {
   Ends ends = Ends::kComesBack;
   int restarts_least = 0, restarts_most = 0;  ///< Nodes that the session starts again; −1: it tells none.
   int exit_status = 0;                        ///< Of `rtbus run`; kAnyFailure: other than 0.
-  /// Fastest growth of the force, share of the peak [%/ms]. The resume ramp takes 100 ms, so 1 %/ms; the damper on a
-  /// moving hand adds some, and a cycle that comes late by a pause catches up what the ramp did meanwhile. A step would
-  /// be near 100 %/ms.
-  double growth_percent_per_ms = 10.0;
-  bool quick = true;                   ///< Also with --quick.
-  bool alone = false;                  ///< It takes the machine's CPUs: nothing runs beside it.
-  bool own_wakeups = false;            ///< It delays the haptic loop itself: only the plant tells pauses.
-  bool own_pauses = false;             ///< It delays the plant too: nothing tells pauses of the machine.
-  double hold_s = 0.0;                 ///< Longer than other rows by so much, for the time limit.
-  bool both_methods = true;            ///< Else once, with the session's own.
-  std::string session = {};            ///< A session file beside the usual one; empty: the usual one.
-  std::string (*why_not)() = nullptr;  ///< Why it cannot be run here; empty: it can.
+  bool quick = true;                          ///< Also with --quick.
+  bool alone = false;                         ///< It takes the machine's CPUs: nothing runs beside it.
+  bool own_wakeups = false;                   ///< It delays the haptic loop itself: only the plant tells pauses.
+  bool own_pauses = false;                    ///< It delays the plant too: nothing tells pauses of the machine.
+  double hold_s = 0.0;                        ///< Longer than other rows by so much, for the time limit.
+  bool both_methods = true;                   ///< Else once, with the session's own.
+  std::string session = {};                   ///< A session file beside the usual one; empty: the usual one.
+  std::string (*why_not)() = nullptr;         ///< Why it cannot be run here; empty: it can.
   std::function<void(RunCommand&, const FaultSession&)> prepare = {};
   std::function<void(FaultSession&)> happen = {};
 

@@ -25,6 +25,9 @@ constexpr int kTriesPerRun = 3;
 constexpr int kMostBeside = 3;  ///< Cells at a time; each has a loop of 1 kHz and a plant of 4 kHz.
 constexpr std::uint64_t kPollAll_ns = 50 * rtbus::kNsPerMs;
 constexpr double kStillFelt_percent = 50.0;
+/// Of the force, share of its peak. The resume ramp takes 100 ms, so 1 %/ms; the damper on a moving hand adds some, and
+/// a cycle that comes late by a pause catches up what the ramp did meanwhile. A step would be near 100 %/ms.
+constexpr double kGrowth_percent_per_ms = 10.0;
 constexpr double kReturn_ms = 5000.0;
 
 /// A row with one method, and its runs.
@@ -98,7 +101,7 @@ void check(const FaultRow& row, const std::vector<FaultOutcome>& runs, const Mac
                                kReturn_ms, paused);
       experiment.check_at_most(id + ".growth", "fastest growth of the force, share of the peak",
                                worst(runs, [](const FaultOutcome& run) { return 100.0 * run.growth_per_ms; }), "%/ms",
-                               row.growth_percent_per_ms, paused);
+                               kGrowth_percent_per_ms, paused);
       break;
     case Ends::kStaysAtZero:
     case Ends::kWithSession:

@@ -15,9 +15,6 @@ namespace {
 
 constexpr double kMadeAnew_s = 5.0;
 constexpr double kWritten_s = 1.0;
-/// A device holds its last force for its time-out of 20 ms when commands are lost. The hand that pushes on at 50 mm/s
-/// moves 1 mm meanwhile, which is 0.2 N at 200 N/m, of a peak of 0.77 N: it is felt at once with the next command.
-constexpr double kHeldForce_percent = 26.0;
 constexpr int kWritesPerLook = 200;
 
 std::string path_of(const std::string& session, const std::string& topic) {
@@ -110,7 +107,6 @@ std::vector<FaultRow> topic_faults() {
   out.push_back({.name = "topics_truncated",
                  .what = "every topic's file but the witness is cut to nothing, all at once",
                  .feels = Feels::kAnything,
-                 .growth_percent_per_ms = 10.0 + kHeldForce_percent,
                  .happen = &cut_topics});
   out.push_back({.name = "topics_scribbled",
                  .what = "random bytes are written into all segments for a second",
