@@ -13,6 +13,7 @@
 
 namespace rtbus::shapes {
 
+/// A body that never moves: its shape, which one it is, and where.
 struct StandingShape {
   std::variant<Hull, std::shared_ptr<const Surface>> shape;
   std::uint32_t body = 0;  ///< In the scene's order.

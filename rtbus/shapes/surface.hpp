@@ -28,7 +28,7 @@ struct TrianglePart {
 class Surface {
  public:
   /// Repeated vertices count as one. Triangles without area are left out.
-  /// @param triangles Indices into `vertices_m`, each in range.
+  /// @param vertices_m In the body's frame. @param triangles Indices into `vertices_m`, each in range.
   Surface(const std::vector<Eigen::Vector3d>& vertices_m, const std::vector<std::array<std::uint32_t, 3>>& triangles);
 
   /// A place where the distance is smaller than everywhere around it on the surface.
@@ -38,8 +38,8 @@ class Surface {
     std::uint64_t feature = 0;                          ///< Face, edge or corner that it is on; the same in each query.
   };
   /// The minima nearer than `reach_m` to `p`, in no order; the nearest ones where `out` is too short.
-  /// @param p In the body's frame. @returns their number. @realtime Yes: no allocation; the time grows with the number
-  /// of triangles within reach.
+  /// @param p In the body's frame. @param reach_m How far from `p`, > 0. @param out Where they go. @returns their
+  /// number. @realtime Yes: no allocation; the time grows with the number of triangles within reach.
   [[nodiscard]] std::size_t minima(const Eigen::Vector3d& p, double reach_m, std::span<Minimum> out) const noexcept;
 
   [[nodiscard]] std::size_t triangle_count() const noexcept { return triangles_.size(); }
