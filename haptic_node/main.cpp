@@ -5,6 +5,7 @@
 #include <spdlog/spdlog.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdio>
 #include <thread>
 #include <utility>
@@ -27,7 +28,7 @@ constexpr int kExitUsage = 2;
 void use_small_stacks() {
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
-  pthread_attr_setstacksize(&attributes, 1024 * 1024);
+  pthread_attr_setstacksize(&attributes, std::size_t{1024} * 1024);
   pthread_setattr_default_np(&attributes);
   pthread_attr_destroy(&attributes);
 }
