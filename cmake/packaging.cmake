@@ -71,8 +71,8 @@ set(CPACK_DEBIAN_BRIDGE_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_BRIDGE_PACKAGE_DEPENDS "rtbus (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_BRIDGE_PACKAGE_SUGGESTS "iproute2")
 set(CPACK_COMPONENT_BRIDGE_DESCRIPTION "Shows rtbus sessions to ROS 2, over DDS and without ROS 2: poses, twists,
-wrenches, buttons, joint states, /tf and /diagnostics, under the names and types
-that ROS 2 has for them. Sessions with \"bridge:\" start it.")
+wrenches, buttons, joint states, /tf and /diagnostics, under the names and
+types that ROS 2 has for them. Sessions with \"bridge:\" start it.")
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME librtbus-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
