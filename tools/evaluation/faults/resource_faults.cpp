@@ -151,8 +151,6 @@ void exhaust_supervisor(FaultSession& cell) {
   (void)cell.follow_until(kSupervisorNeeds_s, [&] { return cell.supervisor() == 0; });
 }
 
-std::string disk_of(const FaultSession& cell) { return cell.scratch(); }
-
 }  // namespace
 
 std::vector<FaultRow> resource_faults() {
@@ -214,15 +212,15 @@ std::vector<FaultRow> resource_faults() {
                  .why_not = &why_no_mounts,
                  .prepare =
                      [](RunCommand& command, const FaultSession& cell) {
-                       std::filesystem::create_directories(disk_of(cell));
-                       if (const std::string why = mount_for_us(disk_of(cell), "size=16m"); !why.empty()) {
+                       std::filesystem::create_directories(cell.scratch());
+                       if (const std::string why = mount_for_us(cell.scratch(), "size=16m"); !why.empty()) {
                          throw std::runtime_error(why);
                        }
-                       command.arguments.insert(command.arguments.end(), {"--record", disk_of(cell) + "/all.h5"});
+                       command.arguments.insert(command.arguments.end(), {"--record", cell.scratch() + "/all.h5"});
                      },
                  .happen =
                      [](FaultSession& cell) {
-                       fill(disk_of(cell) + "/filler");
+                       fill(cell.scratch() + "/filler");
                        cell.follow(2.0 * FaultSession::kHold_s);
                      }});
 #endif
