@@ -98,8 +98,8 @@ TEST_F(View, SaysThatThePortIsInUse) {
 
 TEST_F(View, ASessionMapsNoWebLibrary) {
   start_nodes("wall.yaml");
+  ASSERT_TRUE(reader<rtbus::DeviceState>("haptic0.device_state"));  // hz ends at once where there is no topic yet
   tests::Child run({binary("rtbus"), "hz", "haptic0.device_state", "--session", bus_.name}, "/dev/null");
-  ASSERT_TRUE(reader<rtbus::DeviceState>("haptic0.device_state"));
   for (const pid_t pid : {physics_->pid(), haptic_->pid(), run.pid()}) {
     std::ifstream maps("/proc/" + std::to_string(pid) + "/maps");
     const std::string text((std::istreambuf_iterator<char>(maps)), std::istreambuf_iterator<char>());

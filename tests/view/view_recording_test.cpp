@@ -143,6 +143,12 @@ TEST_F(ViewRecording, ProxyAndMovingPlateAreWhereTheyWere) {
     const double drawn_m = *y_m + kMappedBy_m;
     ASSERT_TRUE(tab.becomes("Math.abs(rtbusTest.page.hands.now[0].proxy[1] - " + std::to_string(drawn_m) + ") < 2e-4"))
         << drawn_m << ' ' << tab.evaluate("rtbusTest.page.hands.now[0].proxy[1]");
+    // Bodies come by themselves, some frames after the hand. It rests on the plate: half its height and the tip's
+    // radius.
+    constexpr double kAbovePlate_m = 0.015;
+    EXPECT_TRUE(
+        tab.becomes("Math.abs(rtbusTest.bodyAt('plate')[1] - " + std::to_string(drawn_m - kAbovePlate_m) + ") < 0.002"))
+        << drawn_m << ' ' << tab.evaluate("rtbusTest.bodyAt('plate')[1]");
     const json seen = colours(tab, "[rtbusTest.proxyOnScreen()]");
     const json& rgb = seen["colours"][0];
     EXPECT_GT(rgb[2].get<int>(), rgb[0].get<int>() + 40) << seen;  // blue
