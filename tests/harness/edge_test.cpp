@@ -5,13 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
-#include <unistd.h>
-
+#include "tests/support/temporary_file.hpp"
+#include "tools/evaluation/local_contact/local_contact.hpp"
 #include "tools/harness/harness.hpp"
 
 #if RTBUS_WITH_BULLET
@@ -50,46 +48,17 @@ Error error_of(const Forces& forces, const Forces& truth) {
   return out;
 }
 
-/// A surface with bumps of 1 mm every 20 mm, in triangles of 1 mm, as a file.
-class BumpyMesh {
- public:
-  BumpyMesh() : file_(std::filesystem::temp_directory_path() / ("rtbus_bumps_" + std::to_string(::getpid()) + ".obj")) {
-    std::ofstream out(file_);
-    constexpr int kHalf = 35, kCells = 2 * kHalf;
-    for (int i = 0; i <= kCells; ++i) {
-      for (int k = 0; k <= kCells; ++k) {
-        const double x = 1e-3 * (i - kHalf), z = 1e-3 * (k - kHalf);
-        out << "v " << x << ' ' << 1e-3 * std::sin(314.0 * x) * std::cos(150.0 * z) << ' ' << z << '\n';
-      }
-    }
-    for (int i = 0; i < kCells; ++i) {
-      for (int k = 1; k <= kCells; ++k) {
-        const int a = i * (kCells + 1) + k, d = a + kCells + 1;
-        out << "f " << a << ' ' << a + 1 << ' ' << d + 1 << ' ' << d << '\n';
-      }
-    }
-  }
-  ~BumpyMesh() { std::filesystem::remove(file_); }
-  BumpyMesh(const BumpyMesh&) = delete;
-  BumpyMesh& operator=(const BumpyMesh&) = delete;
-
-  /// The session strokes over it, 2 mm deep.
-  [[nodiscard]] std::vector<std::string> assignments() const {
-    return {"scene.bodies.0.shape={mesh: {file: " + file_.string() + ", metres_per_unit: 1}}",
-            "scene.bodies.0.orientation_wxyz=[1, 0, 0, 0]", "haptic.0.mapping.offset_m=[0, 0, 0]",
-            "haptic.0.device.hand.start_m=[-0.02, 0.003, 0.002]"};
-  }
-
- private:
-  std::filesystem::path file_;
-};
-
 // Told as planes one answer old a mesh was far off; its true shape is in the loop.
 TEST(Edge, TheBumpsOfAMeshAreFeltWhereTheyAreAtEveryRateOfPhysics) {
-  const BumpyMesh mesh;
+  const tests::TemporaryFolder folder;
+  const std::string file = tools::write_bumps(folder.path() / "bumps.obj", 71).string();
   const auto stroked = [&](std::vector<std::string> more) {
-    const auto all = mesh.assignments();
-    more.insert(more.end(), all.begin(), all.end());
+    for (const std::string& each : {"scene.bodies.0.shape={mesh: {file: " + file + ", metres_per_unit: 1}}",
+                                    std::string("scene.bodies.0.orientation_wxyz=[1, 0, 0, 0]"),
+                                    std::string("haptic.0.mapping.offset_m=[0, 0, 0]"),
+                                    std::string("haptic.0.device.hand.start_m=[-0.02, 0.003, 0.002]")}) {
+      more.push_back(each);  // about 2 mm deep
+    }
     return stroke(more);
   };
   const Forces truth = stroked({"haptic.0.method=local_contact", "haptic.0.rate_hz=10000", "physics.rate_hz=10000"});

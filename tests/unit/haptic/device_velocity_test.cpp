@@ -7,6 +7,7 @@
 
 #include "haptic_node/loop.hpp"
 #include "rtbus/config/session.hpp"
+#include "tests/support/held_device.hpp"
 
 namespace device_velocity {
 
@@ -20,43 +21,16 @@ haptic::HapticConfig config_of(const std::string& device, const std::string& ass
 }
 
 /// It stands still and says that it moves.
-class Talker final : public drivers::Device {
- public:
-  explicit Talker(const drivers::DeviceInfo& info) : info_(info) {}
-  [[nodiscard]] const drivers::DeviceInfo& info() const noexcept override { return info_; }
-  [[nodiscard]] rtbus::Result<void, drivers::DeviceFault> start(std::uint64_t) override { return {}; }
-  [[nodiscard]] drivers::IoStatus read(std::uint64_t now_ns,
-                                       drivers::DeviceSample& out) noexcept RTBUS_NONBLOCKING override {
-    out = {};
-    out.velocity_m_s = {velocity_m_s, 0.0, 0.0};
-    out.gripper_m = 0.012;
-    out.time_ns = now_ns;
-    return drivers::IoStatus::kOk;
-  }
-  [[nodiscard]] drivers::IoStatus write(std::uint64_t,
-                                        const drivers::ForceCommand&) noexcept RTBUS_NONBLOCKING override {
-    return drivers::IoStatus::kOk;
-  }
-  [[nodiscard]] std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING override { return 0; }
-  void stop() noexcept override {}
-
-  double velocity_m_s = 0.1;
-
- private:
-  drivers::DeviceInfo info_;
-};
-
-class Listener final : public haptic::PhysicsLink {
- public:
-  void send(const rtbus::DeviceState& state, std::uint64_t) noexcept RTBUS_NONBLOCKING override { heard = state; }
-  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyState>&) noexcept RTBUS_NONBLOCKING override { return false; }
-  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>&) noexcept RTBUS_NONBLOCKING override { return false; }
-  rtbus::DeviceState heard;
-};
+tests::HeldDevice talker(const drivers::DeviceInfo& info) {
+  tests::HeldDevice out(info);
+  out.sample.velocity_m_s = {0.1, 0.0, 0.0};
+  out.sample.gripper_m = 0.012;
+  return out;
+}
 
 /// What physics hears after ten cycles.
-rtbus::DeviceState heard_of(Talker& device, const haptic::HapticConfig& config) {
-  Listener link;
+rtbus::DeviceState heard_of(tests::HeldDevice& device, const haptic::HapticConfig& config) {
+  tests::SilentPhysics link;
   haptic::Loop loop(config, device, link, false);
   std::uint64_t now_ns = 1'000'000'000;
   for (int i = 0; i < 10; ++i) {
@@ -69,7 +43,7 @@ rtbus::DeviceState heard_of(Talker& device, const haptic::HapticConfig& config) 
 TEST(VelocityOfTheDevice, TakesTheEstimatesPlaceOnlyWhenTheSessionAsksForIt) {
   const auto own = config_of("touch.yaml", "haptic.0.velocity_estimator=device");
   const auto estimated = config_of("touch.yaml", "haptic.0.velocity_estimator=low_pass");
-  Talker device(own.device->info());
+  tests::HeldDevice device = talker(own.device->info());
   EXPECT_EQ(heard_of(device, own).velocity_m_s[0], 0.1);
   EXPECT_EQ(heard_of(device, own).gripper_m, 0.012);
   EXPECT_EQ(heard_of(device, estimated).velocity_m_s[0], 0.0) << "it stands still";
@@ -78,9 +52,9 @@ TEST(VelocityOfTheDevice, TakesTheEstimatesPlaceOnlyWhenTheSessionAsksForIt) {
 TEST(VelocityOfTheDevice, ThatIsNoNumberMeansNoForce) {
   const auto own = config_of("touch.yaml", "haptic.0.velocity_estimator=device");
   const auto estimated = config_of("touch.yaml", "haptic.0.velocity_estimator=low_pass");
-  Talker device(own.device->info());
+  tests::HeldDevice device = talker(own.device->info());
   EXPECT_EQ(heard_of(device, own).enabled, 1u);
-  device.velocity_m_s = std::numeric_limits<double>::quiet_NaN();
+  device.sample.velocity_m_s[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(heard_of(device, own).enabled, 0u) << "as a lost device";
   EXPECT_EQ(heard_of(device, estimated).enabled, 1u) << "nobody asked for it";
 }

@@ -5,11 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
-#include <numbers>
-#include <random>
 #include <vector>
 
 namespace {
@@ -74,118 +71,6 @@ TEST_F(LocalWorldTest, HasNoForceInFreeAirHoweverTheHandMoves) {
   world->reset({0.01, 0, 0});
   world->take(wall(0.01, now_ns), now_ns);
   for (int i = 0; i < 200; ++i) EXPECT_EQ(tick(0.01 + 0.005 * std::sin(0.1 * i), 0.3 * std::cos(0.1 * i)), 0.0);
-}
-
-/// A cube of 20 mm around the origin, as the hull of its corners or as twelve triangles.
-rtbus::shapes::StandingShape cube_of(bool triangles) {
-  rtbus::shapes::Hull corners;
-  for (int i = 0; i < 8; ++i) {
-    corners.points_m.emplace_back((i & 1) != 0 ? 0.01 : -0.01, (i & 2) != 0 ? 0.01 : -0.01,
-                                  (i & 4) != 0 ? 0.01 : -0.01);
-  }
-  rtbus::shapes::StandingShape out;
-  if (triangles) {
-    out.shape = std::make_shared<const rtbus::shapes::Surface>(corners.points_m,
-                                                               std::vector<std::array<std::uint32_t, 3>>{{0, 1, 3},
-                                                                                                         {0, 3, 2},
-                                                                                                         {4, 5, 7},
-                                                                                                         {4, 7, 6},
-                                                                                                         {0, 1, 5},
-                                                                                                         {0, 5, 4},
-                                                                                                         {2, 3, 7},
-                                                                                                         {2, 7, 6},
-                                                                                                         {0, 2, 6},
-                                                                                                         {0, 6, 4},
-                                                                                                         {1, 3, 7},
-                                                                                                         {1, 7, 5}});
-  } else {
-    out.shape = corners;
-  }
-  return out;
-}
-
-class KnownShape : public LocalWorldTest, public testing::WithParamInterface<bool> {};
-
-// One answer tells the top of the cube as a plane, and no other comes.
-TEST_P(KnownShape, IsFollowedAroundItsEdgeWithoutNewsOfIt) {
-  world = std::make_unique<LocalWorld>(std::vector{cube_of(GetParam())});
-  constexpr double kRadius_m = 0.004;
-  world->reset({0, 0.0142, 0});
-  ProxyContacts top = wall(0.0, now_ns);
-  top.step_s = 1.0;
-  top.proxy_radius_m = kRadius_m;
-  top.contact_normal[0] = {0, 1, 0};
-  top.contact_point_m[0] = {0, 0.01, 0};
-  world->take(top, now_ns);
-  // Around the corner from above, 2 mm deep: along the top, then down the side.
-  for (int i = 0; i <= 400; ++i) {
-    const double along_m = 1e-4 * i;
-    const Vector3d hand = along_m < 0.012 ? Vector3d(along_m, 0.012, 0) : Vector3d(0.012, 0.012 - (along_m - 0.012), 0);
-    now_ns += rtbus::kNsPerMs;
-    world->advance({hand, Vector3d::Zero(), kStiffness, 0.0}, now_ns, kStepS);
-    const Vector3d outside = (world->position_m().cwiseAbs() - Vector3d::Constant(0.01)).cwiseMax(0.0);
-    ASSERT_NEAR(outside.norm(), kRadius_m, 5e-6) << "hand at " << hand.transpose();
-    if (hand.y() < -0.005) break;
-  }
-  EXPECT_NEAR(world->position_m().x(), 0.014, 5e-6) << "beside the cube";
-}
-INSTANTIATE_TEST_SUITE_P(As, KnownShape, testing::Bool(),
-                         [](const auto& each) { return each.param ? "Triangles" : "Hull"; });
-
-// A closed box of triangles around the proxy; the hand is thrown about outside of it, without any damping: the free way
-// of a tick is tens of millimetres long.
-TEST_F(LocalWorldTest, SurfacesHoldHoweverFarTheHandIsBehindThem) {
-  world = std::make_unique<LocalWorld>(std::vector{cube_of(true)});
-  constexpr double kRadius_m = 0.002;
-  world->reset({0, 0, 0});
-  ProxyContacts named = wall(0.0, now_ns);
-  named.step_s = 1.0;
-  named.proxy_radius_m = kRadius_m;
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> even(-0.08, 0.08);
-  Vector3d hand = Vector3d::Zero();
-  double largest_way_m = 0.0;
-  for (int i = 0; i < 20000; ++i) {
-    if (i % 200 == 0) {
-      named.device_time_ns = now_ns;
-      world->take(named, now_ns);
-    }
-    if (i % 7 == 0) hand = {even(random), even(random), even(random)};
-    const Vector3d before = world->position_m();
-    now_ns += rtbus::kNsPerMs;
-    world->advance({hand, Vector3d::Zero(), kStiffness, 0.0}, now_ns, kStepS);
-    largest_way_m = std::max(largest_way_m, (world->position_m() - before).norm());
-    ASSERT_LE(world->position_m().cwiseAbs().maxCoeff(), 0.01 - kRadius_m + 1e-9) << "tick " << i;
-    const Vector3d force_n = world->impulse_n_s() / kStepS;
-    ASSERT_LE(force_n.norm(), kStiffness * (hand - before).norm() + 1e-9);
-  }
-  EXPECT_GT(largest_way_m, 0.002) << "it moved";
-}
-
-// The hand goes into a groove of triangles: both sides push, and the force is that of the spring.
-TEST_F(LocalWorldTest, BothSidesOfAGrooveOfTrianglesPush) {
-  constexpr double kSide_m = 0.05, kRadius_m = 0.005;
-  const std::vector<Vector3d> vertices_m{
-      {-kSide_m, kSide_m, -kSide_m}, {-kSide_m, kSide_m, kSide_m}, {0, 0, -kSide_m}, {0, 0, kSide_m},
-      {kSide_m, kSide_m, -kSide_m},  {kSide_m, kSide_m, kSide_m}};
-  rtbus::shapes::StandingShape groove;
-  groove.shape = std::make_shared<const rtbus::shapes::Surface>(
-      vertices_m, std::vector<std::array<std::uint32_t, 3>>{{0, 1, 3}, {0, 3, 2}, {2, 3, 5}, {2, 5, 4}});
-  world = std::make_unique<LocalWorld>(std::vector{groove});
-  world->reset({0, 0.02, 0});
-  ProxyContacts named = wall(0.0, now_ns);
-  named.step_s = 1.0;
-  named.proxy_radius_m = kRadius_m;
-  world->take(named, now_ns);
-  Vector3d force_n = Vector3d::Zero();
-  for (int i = 0; i < 500; ++i) {
-    now_ns += rtbus::kNsPerMs;
-    world->advance({Vector3d(0.0002, 0.02 - 4e-5 * i, 0), Vector3d::Zero(), kStiffness, 0.0}, now_ns, kStepS);
-    force_n = world->impulse_n_s() / kStepS;
-  }
-  const Vector3d bottom(0, kRadius_m * std::numbers::sqrt2, 0), hand(0.0002, 0.02 - 4e-5 * 499, 0);
-  EXPECT_LT((world->position_m() - bottom).norm(), 1e-6);
-  EXPECT_LT((force_n - kStiffness * (bottom - hand)).norm(), 2e-3);
 }
 
 TEST_F(LocalWorldTest, HoldsTheProxyAtTheWallAndThePushIsTheSpring) {

@@ -3,42 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "haptic_node/loop.hpp"
 #include "rtbus/config/session.hpp"
+#include "tests/support/held_device.hpp"
 
 namespace {
 
 constexpr std::uint64_t kPeriod_ns = 1'000'000;
-
-class RestingDevice final : public drivers::Device {
- public:
-  explicit RestingDevice(const drivers::DeviceInfo& info) : info_(info) {}
-  [[nodiscard]] const drivers::DeviceInfo& info() const noexcept override { return info_; }
-  [[nodiscard]] rtbus::Result<void, drivers::DeviceFault> start(std::uint64_t) override { return {}; }
-  [[nodiscard]] drivers::IoStatus read(std::uint64_t now_ns,
-                                       drivers::DeviceSample& out) noexcept RTBUS_NONBLOCKING override {
-    out = {};
-    out.time_ns = now_ns;
-    return drivers::IoStatus::kOk;
-  }
-  [[nodiscard]] drivers::IoStatus write(std::uint64_t,
-                                        const drivers::ForceCommand& command) noexcept RTBUS_NONBLOCKING override {
-    force_n = command.force_n;
-    return drivers::IoStatus::kOk;
-  }
-  [[nodiscard]] std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING override { return 0; }
-  void stop() noexcept override {}
-
-  std::array<double, 3> force_n{};
-
- private:
-  drivers::DeviceInfo info_;
-};
 
 /// Answers a sample in every cycle with the proxy that the test wants: the last one, or one of `lag_ns` ago.
 class TalkingPhysics final : public haptic::PhysicsLink {
@@ -101,8 +76,8 @@ class AbsurdPhysics : public testing::TestWithParam<const char*> {
     for (int i = 0; i < cycles; ++i) {
       now_ns_ += kPeriod_ns;
       loop_.cycle(now_ns_, now_ns_);
-      most_n_ = std::max(most_n_, std::abs(device_.force_n[1]));
-      finite_ = finite_ && std::isfinite(device_.force_n[1]);
+      most_n_ = std::max(most_n_, std::abs(device_.taken_n[1]));
+      finite_ = finite_ && std::isfinite(device_.taken_n[1]);
     }
   }
 
@@ -110,7 +85,7 @@ class AbsurdPhysics : public testing::TestWithParam<const char*> {
       rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
                                   {rtbus::config::parse_override(std::string("haptic.0.method=") + GetParam())});
   haptic::HapticConfig config_ = haptic::read_haptic_config(session_, 0);
-  RestingDevice device_{config_.device->info()};
+  tests::HeldDevice device_{config_.device->info()};
   TalkingPhysics link_;
   haptic::Loop loop_{config_, device_, link_, false};
   std::uint64_t now_ns_ = 1'000'000'000;
@@ -121,7 +96,7 @@ class AbsurdPhysics : public testing::TestWithParam<const char*> {
 TEST_P(AbsurdPhysics, IsForgottenWhenItTalksSense) {
   talk_sense();
   run(2000);
-  const double sensible_n = device_.force_n[1];
+  const double sensible_n = device_.taken_n[1];
   ASSERT_GT(sensible_n, 0.1);
   most_n_ = 0.0;
 
@@ -137,13 +112,13 @@ TEST_P(AbsurdPhysics, IsForgottenWhenItTalksSense) {
 
   talk_sense();
   run(2000);
-  EXPECT_NEAR(device_.force_n[1], sensible_n, 1e-3 * sensible_n);
+  EXPECT_NEAR(device_.taken_n[1], sensible_n, 1e-3 * sensible_n);
 }
 
 TEST_P(AbsurdPhysics, GivesTheHandNoEnergyThatNoWorldHas) {
   talk_sense();
   run(2000);
-  const double sensible_n = device_.force_n[1];
+  const double sensible_n = device_.taken_n[1];
   most_n_ = 0.0;
   for (const double absurd_j : {1e12, std::numeric_limits<double>::infinity(), -1e12, 0.0}) {
     link_.coupling_work_j = absurd_j;
@@ -152,13 +127,13 @@ TEST_P(AbsurdPhysics, GivesTheHandNoEnergyThatNoWorldHas) {
   EXPECT_TRUE(finite_);
   EXPECT_LE(most_n_, sensible_n * (1.0 + 1e-9));
   run(100);
-  EXPECT_NEAR(device_.force_n[1], sensible_n, 1e-3 * sensible_n);
+  EXPECT_NEAR(device_.taken_n[1], sensible_n, 1e-3 * sensible_n);
 }
 
 TEST_P(AbsurdPhysics, IsNotFeltWhileItAnswersAHandOfTwoSecondsAgo) {
   talk_sense();
   run(3000);
-  const double sensible_n = device_.force_n[1];
+  const double sensible_n = device_.taken_n[1];
   ASSERT_GT(sensible_n, 0.1);
   ASSERT_EQ(loop_.stats().losses, 0u);
   most_n_ = 0.0;
@@ -166,7 +141,7 @@ TEST_P(AbsurdPhysics, IsNotFeltWhileItAnswersAHandOfTwoSecondsAgo) {
   run(1);
   EXPECT_EQ(loop_.take_event(), haptic::LoopEvent::kLinkLags);
   run(45);
-  EXPECT_EQ(device_.force_n[1], 0.0) << "faded in 40 ms";
+  EXPECT_EQ(device_.taken_n[1], 0.0) << "faded in 40 ms";
   EXPECT_LE(most_n_, sensible_n * (1.0 + 1e-9));
   most_n_ = 0.0;
   run(3000);
@@ -175,7 +150,7 @@ TEST_P(AbsurdPhysics, IsNotFeltWhileItAnswersAHandOfTwoSecondsAgo) {
 
   link_.lag_ns = 0;
   run(2000);
-  EXPECT_NEAR(device_.force_n[1], sensible_n, 1e-3 * sensible_n);
+  EXPECT_NEAR(device_.taken_n[1], sensible_n, 1e-3 * sensible_n);
 }
 
 TEST_P(AbsurdPhysics, IsFeltWhenItIsSlowOrFarAway) {
@@ -183,11 +158,11 @@ TEST_P(AbsurdPhysics, IsFeltWhenItIsSlowOrFarAway) {
   run(2000);
   link_.lag_ns = 450'000'000;  // a link that delays
   run(1000);
-  EXPECT_GT(device_.force_n[1], 0.1);
+  EXPECT_GT(device_.taken_n[1], 0.1);
   link_.step_ns = 200'000'000;  // 5 steps a second
   link_.lag_ns = 900'000'000;
   run(1000);
-  EXPECT_GT(device_.force_n[1], 0.1);
+  EXPECT_GT(device_.taken_n[1], 0.1);
   EXPECT_EQ(loop_.stats().losses, 0u);
 }
 

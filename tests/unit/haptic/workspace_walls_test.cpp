@@ -10,6 +10,7 @@
 
 #include "haptic_node/loop.hpp"
 #include "rtbus/config/session.hpp"
+#include "tests/support/held_device.hpp"
 
 namespace {
 
@@ -72,54 +73,19 @@ TEST(WorkspaceWalls, OfASessionStandInsideTheDevicesWorkspaceAndAreNoStifferThan
   }
 }
 
-/// A tip that rests where the test puts it.
-class TipThatStays final : public drivers::Device {
- public:
-  explicit TipThatStays(const drivers::DeviceInfo& info) : info_(info) {}
-  [[nodiscard]] const drivers::DeviceInfo& info() const noexcept override { return info_; }
-  [[nodiscard]] rtbus::Result<void, drivers::DeviceFault> start(std::uint64_t) override { return {}; }
-  [[nodiscard]] drivers::IoStatus read(std::uint64_t now_ns,
-                                       drivers::DeviceSample& out) noexcept RTBUS_NONBLOCKING override {
-    out = {};
-    out.position_m = position_m;
-    out.time_ns = now_ns;
-    return drivers::IoStatus::kOk;
-  }
-  [[nodiscard]] drivers::IoStatus write(std::uint64_t,
-                                        const drivers::ForceCommand& command) noexcept RTBUS_NONBLOCKING override {
-    force_n = command.force_n;
-    return drivers::IoStatus::kOk;
-  }
-  [[nodiscard]] std::uint64_t clamped() const noexcept RTBUS_NONBLOCKING override { return 0; }
-  void stop() noexcept override {}
-
-  drivers::Vec3 position_m{};
-  drivers::Vec3 force_n{};
-
- private:
-  drivers::DeviceInfo info_;
-};
-
-class WithoutPhysics final : public haptic::PhysicsLink {
- public:
-  void send(const rtbus::DeviceState&, std::uint64_t) noexcept RTBUS_NONBLOCKING override {}
-  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyState>&) noexcept RTBUS_NONBLOCKING override { return false; }
-  [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>&) noexcept RTBUS_NONBLOCKING override { return false; }
-};
-
 /// What the device gets after half a second with its tip 5 mm beyond the wall at its right.
 double held_n(const std::vector<std::string>& assignments, double beyond_m) {
   const haptic::HapticConfig config = config_with(assignments);
-  TipThatStays device(config.device->info());
-  device.position_m = {device.info().workspace_max_m[0] - 0.010 + beyond_m, 0.02, 0.0};
-  WithoutPhysics link;
+  tests::HeldDevice device(config.device->info());
+  device.sample.position_m = {device.info().workspace_max_m[0] - 0.010 + beyond_m, 0.02, 0.0};
+  tests::SilentPhysics link;
   haptic::Loop loop(config, device, link, false);
   std::uint64_t now_ns = 1'000'000'000;
   for (int i = 0; i < 500; ++i) {
     now_ns += 1'000'000;
     loop.cycle(now_ns, now_ns);
   }
-  return device.force_n[0];
+  return device.taken_n[0];
 }
 
 TEST(WorkspaceWalls, ReachTheDeviceThroughTheLadder) {

@@ -4,6 +4,7 @@
 /// claim, method beside method on the same axes. All under the simulated clock; each answer of physics comes one full
 /// period late.
 #include <cmath>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -40,6 +41,9 @@ void claim_rough(const LocalContactOptions& options, Experiment& experiment, Run
 void claim_third_law(const LocalContactOptions& options, Experiment& experiment);
 /// h: edges, hulls and meshes are felt where they are.
 void claim_shapes(const LocalContactOptions& options, Experiment& experiment);
+
+/// Writes bumps of 1 mm on a square of 50 mm, y up, in 2·cells² triangles, as an OBJ file in metres. @returns `file`.
+std::filesystem::path write_bumps(const std::filesystem::path& file, int cells);
 
 /// One run, every cycle of it. `--set` of the user comes last.
 [[nodiscard]] std::vector<rtbus::Telemetry> record_hand(const LocalContactOptions& options, const std::string& session,

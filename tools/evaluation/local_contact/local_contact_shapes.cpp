@@ -25,24 +25,6 @@ struct ShapeCase {
   double hand_y_m = 0.0;    ///< About 2 mm below first touch.
 };
 
-/// Bumps of 1 mm on a square of 50 mm, 2·cells² triangles.
-std::filesystem::path write_bumps(const std::filesystem::path& file, int cells) {
-  std::ofstream out(file);
-  for (int i = 0; i <= cells; ++i) {
-    for (int k = 0; k <= cells; ++k) {
-      const double x = 0.05 * i / cells - 0.025, z = 0.05 * k / cells - 0.025;
-      out << "v " << x << ' ' << 1e-3 * std::sin(314.0 * x) * std::cos(150.0 * z) << ' ' << z << '\n';
-    }
-  }
-  for (int i = 0; i < cells; ++i) {
-    for (int k = 1; k <= cells; ++k) {
-      const int a = i * (cells + 1) + k, d = a + cells + 1;
-      out << "f " << a << ' ' << a + 1 << ' ' << d + 1 << ' ' << d << '\n';
-    }
-  }
-  return file;
-}
-
 /// Points on an ellipsoid, half axes 25, 20 and 25 mm.
 std::filesystem::path write_hull(const std::filesystem::path& file, int points) {
   std::ofstream out(file);
@@ -142,6 +124,23 @@ PanelLine stroke_line(const Stroke& stroke, const char* name, const char* style)
 }
 
 }  // namespace
+
+std::filesystem::path write_bumps(const std::filesystem::path& file, int cells) {
+  std::ofstream out(file);
+  for (int i = 0; i <= cells; ++i) {
+    for (int k = 0; k <= cells; ++k) {
+      const double x = 0.05 * i / cells - 0.025, z = 0.05 * k / cells - 0.025;
+      out << "v " << x << ' ' << 1e-3 * std::sin(314.0 * x) * std::cos(150.0 * z) << ' ' << z << '\n';
+    }
+  }
+  for (int i = 0; i < cells; ++i) {
+    for (int k = 1; k <= cells; ++k) {
+      const int a = i * (cells + 1) + k, d = a + cells + 1;
+      out << "f " << a << ' ' << a + 1 << ' ' << d + 1 << ' ' << d << '\n';
+    }
+  }
+  return file;
+}
 
 void claim_shapes(const LocalContactOptions& options, Experiment& experiment) {
   Table table{"local_contact_shapes",
