@@ -40,7 +40,7 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       velocity_(config.velocity),
       safety_(config.safety),
       monitor_(config.link),
-      orders_(config.gains()),
+      orders_(config.gains(), config.extra_force_max_n),
       gains_(config.gains(), config.gain_limits),
       world_work_(config.safety.continuous_force_n, config.stiffness_n_per_m),
       force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {
@@ -148,8 +148,8 @@ void Loop::forget_proxy() noexcept {
   method_->reset();
 }
 
-void Loop::follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept {
-  const bool pressed_now = pressed(buttons, config_.clutch_button);
+void Loop::follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons, std::uint64_t now_ns) noexcept {
+  const bool pressed_now = pressed(buttons, config_.clutch_button) || orders_.clutched(now_ns);
   if (pressed_now && !clutched_) {
     clutch_position_W_ = mapping_.position_to_world(position_m);
     note(LoopEvent::kClutched);
@@ -239,6 +239,7 @@ SafetyOutput Loop::make_safe(const RenderOutput& rendered, bool device_ok, bool 
                              std::uint64_t now_ns) noexcept {
   SafetyInput wish;
   wish.force_n = rendered.force_n;
+  wish.extra_force_n = orders_.extra_force_n(now_ns);
   wish.position_m = vector_of(sample_.position_m);
   wish.velocity_m_s = velocity_.velocity_m_s();
   wish.world_work_j = rendered.world_work_j;
@@ -271,13 +272,14 @@ rtbus::Vec3 Loop::write_force(const Eigen::Vector3d& force_n, std::uint64_t comp
   return command.force_n;
 }
 
-void Loop::tell_physics(const RenderOutput& rendered, const Eigen::Vector3d& walls_n, const rtbus::Vec3& written_n,
-                        bool enabled, std::uint64_t now_ns) noexcept {
+void Loop::tell_physics(const RenderOutput& rendered, const Eigen::Vector3d& walls_n, const Eigen::Vector3d& extra_n,
+                        const rtbus::Vec3& written_n, bool enabled, std::uint64_t now_ns) noexcept {
   describe_hand(sample_, vector_of(sample_.position_m), enabled);
   if (owns_proxy_) {
-    Eigen::Vector3d felt_n = write_failed_ ? Eigen::Vector3d::Zero() : vector_of(written_n);
-    // The walls are the device's, not the world's: no body gets their force. Of a force that the ladder lowered, their
-    // share.
+    // Neither the force of an order nor the walls of the device are the world's: no body gets them. Of a force that the
+    // ladder lowered, the walls have their share.
+    const bool sent = !write_failed_ && written_n != rtbus::Vec3{};
+    Eigen::Vector3d felt_n = sent ? Eigen::Vector3d(vector_of(written_n) - extra_n) : Eigen::Vector3d::Zero();
     if (const double wished_n = rendered.force_n.norm(); walls_n != Eigen::Vector3d::Zero() && wished_n > 0.0) {
       felt_n -= std::min(1.0, felt_n.norm() / wished_n) * walls_n;
     }
@@ -343,7 +345,7 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
     } else {
       velocity_.update(vector_of(sample_.position_m), sample_.time_ns);
     }
-    follow_clutch(vector_of(sample_.position_m), sample_.buttons);
+    follow_clutch(vector_of(sample_.position_m), sample_.buttons, now_ns);
   }
 
   // 2. Does the user want force, and what does physics say?
@@ -364,7 +366,7 @@ void Loop::cycle(std::uint64_t deadline_ns, std::uint64_t now_ns) noexcept {
   at.written_ns = clock_ns();
 
   // 4. Physics, then the counters.
-  tell_physics(rendered, walls_n, written_n, enabled, now_ns);
+  tell_physics(rendered, walls_n, safe.extra_force_n, written_n, enabled, now_ns);
   record_cycle(rendered, safe, written_n, at.due_ns, now_ns);
   if (measure_) record_times(at);
 }

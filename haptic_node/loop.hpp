@@ -105,8 +105,8 @@ class Loop {
   /// @returns what was written; whether the device took it is in write_failed_.
   [[nodiscard]] rtbus::Vec3 write_force(const Eigen::Vector3d& force_n, std::uint64_t computed_ns,
                                         std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
-  void tell_physics(const RenderOutput& rendered, const Eigen::Vector3d& walls_n, const rtbus::Vec3& written_n,
-                    bool enabled, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void tell_physics(const RenderOutput& rendered, const Eigen::Vector3d& walls_n, const Eigen::Vector3d& extra_n,
+                    const rtbus::Vec3& written_n, bool enabled, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   void record_cycle(const RenderOutput& rendered, const SafetyOutput& safe, const rtbus::Vec3& written_n,
                     std::uint64_t due_ns, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   void record_times(const CycleTimes& at) noexcept RTBUS_NONBLOCKING;
@@ -117,7 +117,8 @@ class Loop {
   /// Until physics has answered a sample from now on.
   void forget_proxy() noexcept RTBUS_NONBLOCKING;
   void enable_edge(bool enabled, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
-  void follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons) noexcept RTBUS_NONBLOCKING;
+  void follow_clutch(const Eigen::Vector3d& position_m, std::uint32_t buttons,
+                     std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   void describe_hand(const drivers::DeviceSample& sample, const Eigen::Vector3d& position_m,
                      bool enabled) noexcept RTBUS_NONBLOCKING;
   void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;

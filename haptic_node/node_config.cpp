@@ -282,6 +282,11 @@ void read_adjustable(Map& entry, HapticConfig& out) {
   }
 }
 
+/// After the safety limits: a force of an order is one of those that they bound.
+void read_extra_force(Map& entry, HapticConfig& out) {
+  out.extra_force_max_n = entry.number("extra_force_max_n", {0.0, out.safety.max_force_n}, 0.0);
+}
+
 /// After the coupling: beyond its stiffness the energy limit of the ladder would hold the walls back.
 void read_workspace_walls(Map& entry, HapticConfig& out) {
   auto map = entry.optional_map("workspace_walls");
@@ -341,6 +346,7 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   read_adjustable(entry, out);
   read_workspace_walls(entry, out);
   read_safety(entry, out);
+  read_extra_force(entry, out);
   read_realtime(entry, out);
   if (auto proxy = entry.optional_map("proxy"))
     out.proxy = rtbus::config::read_proxy_body(*proxy);  // physics reads the rest

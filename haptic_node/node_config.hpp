@@ -39,6 +39,7 @@ struct HapticConfig {
   double damping_n_s_per_m = 0.0;
   GainLimits gain_limits;
   bool adjustable_stiffness = false, adjustable_damping = false;  ///< `adjustable`: orders may change them.
+  double extra_force_max_n = 0.0;  ///< Orders may add so much to the force on the hand; 0: none.
   MappingConfig mapping;
   int clutch_button = -1;  ///< −1: no clutch.
   int enable_button = -1;  ///< −1: forces act from the start; else only while this button is held.

@@ -4,7 +4,11 @@
 #include <atomic>
 #include <cstdint>
 
+#include <Eigen/Core>
+
 #include "haptic_node/gains.hpp"
+#include "haptic_node/latest_cell.hpp"
+#include "rtbus/eigen.hpp"
 #include "rtbus/order_messages.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -13,13 +17,18 @@ namespace haptic {
 /// What acts on the loop. An E-stop, ordered or by a button of the device, holds until it is re-armed.
 class OrderBox {
  public:
-  /// @param configured Gains while none are ordered.
-  explicit OrderBox(const Gains& configured) noexcept : configured_(configured) { set_gains(configured); }
+  /// @param configured Gains while none are ordered. @param extra_force_max_n Longer forces are shortened to this.
+  explicit OrderBox(const Gains& configured, double extra_force_max_n = 0.0) noexcept
+      : configured_(configured), extra_force_max_n_(extra_force_max_n) {
+    set_gains(configured);
+  }
 
   /// The newest orders. Housekeeping thread.
   void set(const rtbus::Orders& orders) noexcept {
     set_gains({orders.stiffness_n_per_m > 0.0 ? orders.stiffness_n_per_m : configured_.stiffness_n_per_m,
                orders.damping_n_s_per_m >= 0.0 ? orders.damping_n_s_per_m : configured_.damping_n_s_per_m});
+    extra_.put({rtbus::vector_of(orders.extra_force_n), orders.extra_force_until_ns});
+    clutched_until_ns_.store(orders.clutched_until_ns, std::memory_order_relaxed);
     estop_.store(orders.estop != 0, std::memory_order_relaxed);
     rearms_.store(orders.rearms, std::memory_order_release);  // after estop_: who sees the one sees the other
   }
@@ -40,19 +49,43 @@ class OrderBox {
     return {stiffness_n_per_m_.load(std::memory_order_relaxed), damping_n_s_per_m_.load(std::memory_order_relaxed)};
   }
 
+  /// An order holds the clutch. @realtime Yes.
+  [[nodiscard]] bool clutched(std::uint64_t now_ns) const noexcept RTBUS_NONBLOCKING {
+    return now_ns < clutched_until_ns_.load(std::memory_order_relaxed);
+  }
+
+  /// Force on the hand besides that of the method, in D; zero when its time is over. Loop, every cycle. @realtime Yes.
+  [[nodiscard]] Eigen::Vector3d extra_force_n(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
+    if (ExtraForce newest; extra_.take(newest)) {
+      now_extra_ = newest;
+      if (const double norm = newest.force_n.norm(); norm > extra_force_max_n_) {
+        now_extra_.force_n *= extra_force_max_n_ / norm;
+      }
+    }
+    return now_ns < now_extra_.until_ns ? now_extra_.force_n : Eigen::Vector3d::Zero();
+  }
+
  private:
+  struct ExtraForce {
+    Eigen::Vector3d force_n = Eigen::Vector3d::Zero();
+    std::uint64_t until_ns = 0;
+  };
   void set_gains(const Gains& gains) noexcept {
     stiffness_n_per_m_.store(gains.stiffness_n_per_m, std::memory_order_relaxed);
     damping_n_s_per_m_.store(gains.damping_n_s_per_m, std::memory_order_relaxed);
   }
 
   const Gains configured_;
+  const double extra_force_max_n_;
+  LatestCell<ExtraForce> extra_;
+  std::atomic<std::uint64_t> clutched_until_ns_{0};
   std::atomic<bool> estop_{false};
   std::atomic<std::uint64_t> rearms_{0};
   std::atomic<double> stiffness_n_per_m_{0.0}, damping_n_s_per_m_{0.0};
   // Loop's thread.
   std::uint64_t rearms_seen_ = 0;
   bool by_button_ = false;
+  ExtraForce now_extra_;
 };
 
 }  // namespace haptic

@@ -8,6 +8,8 @@
 namespace haptic {
 
 namespace {
+/// The force of an order follows it no faster than this: 1 N within 50 ms.
+constexpr double kExtraSlew_n_per_s = 20.0;
 /// A force may fall toward zero so much faster than it may grow.
 constexpr double kFallingSlewFactor = 10.0;
 /// A force against the motion may grow by so many times K·|v| besides the slew limit: what a wall asks for, with room …
@@ -186,10 +188,18 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   paused_ = held_n < whole_n;
 }
 
+Eigen::Vector3d SafetyLadder::follow_extra(const SafetyInput& input) noexcept {
+  const bool wanted = !fading_ && sane_force(input.extra_force_n);
+  const Eigen::Vector3d change = (wanted ? input.extra_force_n : Eigen::Vector3d::Zero()) - extra_n_;
+  extra_n_ += shortened(change, kExtraSlew_n_per_s * input.dt_s);
+  return extra_n_ * gate_;
+}
+
 void SafetyLadder::start_over() noexcept {
   gate_ = 0.0;
   slewed_n_.setZero();
   sent_n_.setZero();
+  extra_n_.setZero();
   speed_.reset();
 }
 
@@ -237,15 +247,23 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   force = limit_growth(force, checked, out.acted);
   if (out.gate > 0.0) force = passivity_.control(force, checked.velocity_m_s, checked.dt_s, damped);
   if (limited || damped) out.acted |= kPassivity;
-  force = clamp(force, std::min(config_.max_force_n, thermal_n), kClamped, out.acted);
+  const double limit_n = std::min(config_.max_force_n, thermal_n);
+  force = clamp(force, limit_n, kClamped, out.acted);
+  out.extra_force_n = follow_extra(checked);
+  out.force_n = force + out.extra_force_n;
+  if (const double norm = out.force_n.norm(); norm > limit_n && !out.extra_force_n.isZero(0.0)) {
+    force *= limit_n / norm;
+    out.extra_force_n *= limit_n / norm;
+    out.force_n *= limit_n / norm;
+    out.acted |= kClamped;
+  }
 
   const double since_s = last_cycle_ns_ == 0 ? checked.dt_s : rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
   const double weight = since_s / (since_s + config_.thermal_time_constant_s);
-  thermal_load_n2_ += weight * (force.squaredNorm() - thermal_load_n2_);
+  thermal_load_n2_ += weight * (out.force_n.squaredNorm() - thermal_load_n2_);
   held_.write(checked.now_ns, force);
   sent_n_ = force;
   last_cycle_ns_ = checked.now_ns;
-  out.force_n = force;
   return out;
 }
 

@@ -4,7 +4,7 @@
 /// docs/safety.md explains each stage.
 ///
 ///   finite check → clamp to the device's limit → slew limit → start ramp → overspeed cut → E-stop and stale fade →
-///   thermal budget → passivity → clamp once more
+///   thermal budget → passivity → force of an order → clamp once more
 ///
 /// The slew limit stands before passivity. After it, it would change the force that the observer has counted, and
 /// generate energy.
@@ -58,7 +58,9 @@ enum SafetyBit : std::uint32_t {
 };
 
 struct SafetyInput {
-  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();       ///< From the method, in D.
+  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< From the method, in D.
+  /// By an order, besides. It is no spring: the energy stage, which watches the coupling, passes over it.
+  Eigen::Vector3d extra_force_n = Eigen::Vector3d::Zero();
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();    ///< p_DT.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< v_DT, estimated.
   double world_work_j = 0.0;  ///< Energy that the world has put into the coupling at the proxy, since the cycle before.
@@ -72,9 +74,10 @@ struct SafetyInput {
 };
 
 struct SafetyOutput {
-  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< For the device, in D.
-  std::uint32_t acted = 0;                            ///< SafetyBit.
-  double gate = 0.0;                                  ///< Ramp × fade × cut, 0…1.
+  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();        ///< For the device, in D …
+  Eigen::Vector3d extra_force_n = Eigen::Vector3d::Zero();  ///< … of which by an order.
+  std::uint32_t acted = 0;                                  ///< SafetyBit.
+  double gate = 0.0;                                        ///< Ramp × fade × cut, 0…1.
 };
 
 /// A plausible position: finite, below one kilometre. Loop and ladder use the same test.
@@ -97,6 +100,7 @@ class SafetyLadder {
   /// Yes.
   void not_sent() noexcept RTBUS_NONBLOCKING {
     sent_n_.setZero();
+    extra_n_.setZero();
     held_.revoke();
   }
 
@@ -118,6 +122,7 @@ class SafetyLadder {
   /// Behind the energy limit: no faster than the slew limit from the force that was sent last.
   [[nodiscard]] Eigen::Vector3d limit_growth(const Eigen::Vector3d& force_n, const SafetyInput& input,
                                              std::uint32_t& acted) const noexcept;
+  [[nodiscard]] Eigen::Vector3d follow_extra(const SafetyInput& input) noexcept;
   [[nodiscard]] double update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept;
   void watch_speed(const SafetyInput& input) noexcept;
   void book_energy(const SafetyInput& input) noexcept;
@@ -135,7 +140,8 @@ class SafetyLadder {
   std::uint64_t last_sample_ns_ = 0;  ///< 0: none yet.
   HeldForce held_;                    ///< The recent forces on the hand.
   Eigen::Vector3d slewed_n_ = Eigen::Vector3d::Zero();  ///< Force after the slew limit, before the gate.
-  Eigen::Vector3d sent_n_ = Eigen::Vector3d::Zero();    ///< Force sent in the last cycle.
+  Eigen::Vector3d sent_n_ = Eigen::Vector3d::Zero();    ///< Force sent in the last cycle, without that of an order.
+  Eigen::Vector3d extra_n_ = Eigen::Vector3d::Zero();   ///< Of an order, before the gate.
   double gate_ = 0.0;
   bool fading_ = false;
   double fade_from_n_ = 0.0;  ///< Norm of the ungated force when the fade began.

@@ -1,6 +1,6 @@
 #pragma once
 /// @file order_messages.hpp
-/// What the user wants of a node while it runs: E-stop and gains. Conventions as in messages.hpp.
+/// What the user wants of a node while it runs: E-stop, gains, clutch, a force besides. Conventions as in messages.hpp.
 #include "rtbus/messages.hpp"
 
 namespace rtbus {
@@ -14,7 +14,13 @@ struct Orders {
   double damping_n_s_per_m = -1.0;  ///< Likewise; negative: as configured.
   std::uint32_t estop = 0;          ///< 1: zero force until re-armed.
   std::uint32_t reserved = 0;
-  Text<96> reason{};  ///< Of the E-stop, for people.
+  Text<96> reason{};                       ///< Of the E-stop, for people.
+  Vec3 extra_force_n{};                    ///< On the hand besides that of the method, in D …
+  std::uint64_t extra_force_until_ns = 0;  ///< … until then (CLOCK_MONOTONIC), at most kLongestHold_ns ahead.
+  std::uint64_t clutched_until_ns = 0;     ///< As if the clutch's button were held until then; likewise.
+
+  /// Who wants more repeats the order: silence ends it.
+  static constexpr std::uint64_t kLongestHold_ns = 1'000'000'000;
 };
 
 template <>
@@ -28,8 +34,11 @@ struct SampleTraits<Orders> {
                                       RTBUS_FIELD(T, damping_n_s_per_m, "N.s/m"),
                                       RTBUS_FIELD(T, estop, "bool"),
                                       RTBUS_FIELD(T, reserved, "1"),
-                                      RTBUS_FIELD(T, reason, "")};
+                                      RTBUS_FIELD(T, reason, ""),
+                                      RTBUS_FIELD(T, extra_force_n, "N"),
+                                      RTBUS_FIELD(T, extra_force_until_ns, "ns"),
+                                      RTBUS_FIELD(T, clutched_until_ns, "ns")};
 };
-static_assert(sizeof(Orders) == 136 && Sample<Orders>);
+static_assert(sizeof(Orders) == 176 && Sample<Orders>);
 
 }  // namespace rtbus

@@ -236,9 +236,11 @@ bool SampleTraits<LinkStats>::sane(const T& s, std::uint64_t) noexcept {
                      s.late_forces, s.timed_out, s.withheld, s.losses);
 }
 
-bool SampleTraits<Orders>::sane(const T& s, std::uint64_t) noexcept {
+bool SampleTraits<Orders>::sane(const T& s, std::uint64_t stamp_ns) noexcept {
   return all_counted(s.estops, s.rearms) && within(s.stiffness_n_per_m, kForce_n) &&
-         within(s.damping_n_s_per_m, kForce_n) && s.estop <= 1 && printable(s.reason);
+         within(s.damping_n_s_per_m, kForce_n) && s.estop <= 1 && printable(s.reason) &&
+         within(s.extra_force_n, kForce_n) && s.extra_force_until_ns <= stamp_ns + T::kLongestHold_ns &&
+         s.clutched_until_ns <= stamp_ns + T::kLongestHold_ns;
 }
 
 }  // namespace rtbus

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "rtbus/order_client.hpp"
 #include "rtbus/order_messages.hpp"
 #include "tests/support/nodes.hpp"
 
@@ -46,6 +47,10 @@ class Ordered : public Nodes {
     words.insert(words.end(), {"-s", bus_.name});
     const int status = Child(words, folder_ + "/said.txt").wait();
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  [[nodiscard]] std::string order(const std::string& json) const {
+    const auto answer = rtbus::send_order_text(bus_.name, json, 1.0);
+    return answer ? *answer : answer.error().sentence;
   }
   [[nodiscard]] std::string said() const {
     std::ifstream in(folder_ + "/said.txt");
@@ -114,6 +119,36 @@ TEST_F(Ordered, GainsChangeOnlyWhereTheSessionAllowsAndWithoutAStep) {
   EXPECT_LT(largest_step_n, 0.05) << "N per tick";
   EXPECT_EQ(rtbus({"adjust"}), 0);
   EXPECT_THAT(said(), HasSubstr("haptic0.coupling.stiffness_n_per_m = 400 N/m"));
+}
+
+TEST_F(Ordered, ForceBesidesThatOfTheMethodEndsWithTheSilenceOfWhoOrdersIt) {
+  start({"--set", "haptic.0.extra_force_max_n=0.4"});
+  const double pressed_n = peak_n(0.3);
+  EXPECT_THAT(order(R"({"order": "extra_force", "node": "haptic7"})"), HasSubstr("haptic7"));
+  EXPECT_THAT(order(R"({"order": "extra_force", "node": "haptic0", "force_n": [0, 1]})"), HasSubstr("three numbers"));
+  EXPECT_THAT(order(R"({"order": "extra_force", "node": "haptic0", "force_n": [0, 1, 0], "for_s": 5})"),
+              HasSubstr("0 to 1 s"));
+  // Upwards, as the floor pushes: 3 N are shortened to 0.4 N.
+  const std::uint64_t ordered_ns = rtbus::monotonic_ns();
+  EXPECT_THAT(order(R"({"order": "extra_force", "node": "haptic0", "force_n": [0, 3, 0], "for_s": 1})"),
+              HasSubstr("\"ok\":true"));
+  double most_n = 0.0;
+  EXPECT_TRUE(follow(*ticks_, 5.0, [&](const auto& tick) {
+    const double n = tick.value.force_n[1] - tick.value.rendered_force_n[1];
+    if (tick.stamp_ns > ordered_ns) most_n = std::max(most_n, n);
+    return tick.stamp_ns > ordered_ns + 2 * rtbus::kNsPerS && n < 1e-9;
+  }));
+  EXPECT_NEAR(most_n, 0.4, 0.02);
+  EXPECT_NEAR(peak_n(0.3), pressed_n, 0.1);
+  EXPECT_THAT(order(R"({"order": "clutch", "node": "haptic0", "for_s": 1})"), HasSubstr("\"ok\":true"));
+  EXPECT_TRUE(follow(*ticks_, 5.0, [](const auto& tick) { return norm(tick.value.force_n) == 0.0; }));
+  EXPECT_THAT(order(R"({"order": "clutch", "node": "haptic0", "for_s": 0})"), HasSubstr("\"ok\":true"));
+}
+
+TEST_F(Ordered, ForceBesidesThatOfTheMethodNeedsTheLeaveOfTheSession) {
+  start();
+  EXPECT_THAT(order(R"({"order": "extra_force", "node": "haptic0", "force_n": [0, 1, 0], "for_s": 0.5})"),
+              HasSubstr("extra_force_max_n"));
 }
 
 TEST_F(Ordered, EstopReachesTheHandAlsoWhenTheSupervisorIsStopped) {

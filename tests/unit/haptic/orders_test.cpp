@@ -54,6 +54,35 @@ TEST(OrderBox, WantsTheConfiguredGainsUntilOthersAreOrdered) {
   EXPECT_EQ(box.wanted(), (Gains{500.0, 0.0}));
 }
 
+TEST(OrderBox, HoldsTheClutchUntilItsTime) {
+  OrderBox box({300.0, 1.0});
+  EXPECT_FALSE(box.clutched(0));
+  rtbus::Orders ordered;
+  ordered.clutched_until_ns = 500;
+  box.set(ordered);
+  EXPECT_TRUE(box.clutched(499));
+  EXPECT_FALSE(box.clutched(500));
+}
+
+TEST(OrderBox, AddsAForceUntilItsTimeAndNoMoreThanAllowed) {
+  OrderBox box({300.0, 1.0}, 2.0);
+  EXPECT_EQ(box.extra_force_n(1), Eigen::Vector3d::Zero());
+  rtbus::Orders ordered;
+  ordered.extra_force_n = {0.5, 0.0, -1.0};
+  ordered.extra_force_until_ns = 500;
+  box.set(ordered);
+  EXPECT_EQ(box.extra_force_n(499), Eigen::Vector3d(0.5, 0.0, -1.0));
+  EXPECT_EQ(box.extra_force_n(500), Eigen::Vector3d::Zero());
+  ordered.extra_force_n = {0.0, 30.0, 40.0};
+  ordered.extra_force_until_ns = 900;
+  box.set(ordered);
+  EXPECT_NEAR((box.extra_force_n(600) - Eigen::Vector3d(0.0, 1.2, 1.6)).norm(), 0.0, 1e-12);
+
+  OrderBox allows_none({300.0, 1.0});
+  allows_none.set(ordered);
+  EXPECT_EQ(allows_none.extra_force_n(600), Eigen::Vector3d::Zero());
+}
+
 constexpr GainLimits kFastLink{1000.0, 4.0, 0.1, std::numeric_limits<double>::infinity()};
 
 TEST(Gains, NeverExceedWhatTheDeviceBears) {

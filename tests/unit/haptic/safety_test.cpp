@@ -63,6 +63,60 @@ TEST(SafetyLadder, RampsUpFromZeroAfterEnable) {
   EXPECT_NEAR(last, 1.0, 1e-9);
 }
 
+TEST(SafetyLadder, ForceOfAnOrderComesByARampAndEndsWithTheGate) {
+  SafetyLadder ladder = opened();
+  SafetyInput input = healthy(Eigen::Vector3d::Zero());
+  input.extra_force_n = {1.0, 0.0, 0.0};
+  double last_n = 0.0;
+  for (int k = 1; k <= 50; ++k) {
+    const SafetyOutput out = step(ladder, input);
+    EXPECT_NEAR(out.force_n.x() - last_n, 0.02, 1e-9) << "N in 1 ms, tick " << k;
+    EXPECT_EQ(out.force_n, out.extra_force_n);
+    last_n = out.force_n.x();
+  }
+  EXPECT_NEAR(last_n, 1.0, 1e-9);
+  input.estop = true;
+  for (int k = 0; k < 40; ++k) {
+    const double n = step(ladder, input).force_n.x();
+    EXPECT_LT(n, last_n);
+    last_n = n;
+  }
+  EXPECT_EQ(last_n, 0.0);
+}
+
+TEST(SafetyLadder, ForceOfAnOrderAndOfTheMethodStayWithinTheLimitTogether) {
+  SafetyConfig config = desktop();
+  config.continuous_force_n = config.max_force_n;
+  SafetyLadder ladder = opened(config);
+  SafetyInput input = healthy({7.0, 0.0, 0.0});
+  input.extra_force_n = {0.0, 5.0, 0.0};
+  SafetyOutput out;
+  for (int k = 0; k < 300; ++k) {
+    out = step(ladder, input);
+    EXPECT_LE(out.force_n.norm(), 7.9 * (1.0 + 1e-12));
+  }
+  EXPECT_NEAR(out.force_n.norm(), 7.9, 1e-9);
+  EXPECT_NEAR(out.extra_force_n.y() / (out.force_n - out.extra_force_n).x(), 5.0 / 7.0, 1e-6);
+}
+
+TEST(SafetyLadder, ForceOfAnOrderIsNoConcernOfTheEnergyStage) {
+  SafetyConfig config = desktop();
+  config.stiffness_n_per_m = config.passivity.stiffness_n_per_m = 400.0;
+  SafetyLadder ladder = opened(config);
+  SafetyInput input = healthy(Eigen::Vector3d::Zero());
+  input.extra_force_n = {1.0, 0.0, 0.0};
+  // It pulls a hand that gives way at 50 mm/s, for 20 mm: 20 mJ that no hand has put in.
+  SafetyOutput out;
+  for (int k = 0; k < 400; ++k) {
+    input.position_m.x() += 50e-6;
+    input.velocity_m_s = {0.05, 0.0, 0.0};
+    out = step(ladder, input);
+  }
+  EXPECT_NEAR(out.force_n.x(), 1.0, 1e-9);
+  EXPECT_EQ(out.acted & haptic::kPassivity, 0u);
+  EXPECT_GE(ladder.passivity().observed_j(), 0.0);
+}
+
 /// A wall of 400 N/m at y = 0, rendered as `direct` does.
 struct Wall {
   static constexpr double kStiffness_n_per_m = 400.0;

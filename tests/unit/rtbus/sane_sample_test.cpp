@@ -116,6 +116,9 @@ TEST(SaneSampleRules, EnumeratorsExistTextsEndScalesArePositive) {
   EXPECT_FALSE(stays_sane<Heartbeat>([](auto& s) { s.state = 3; }));
   EXPECT_FALSE(stays_sane<LinkStats>([](auto& s) { s.state = 5; }));
   EXPECT_FALSE(stays_sane<Orders>([](auto& s) { s.estop = 2; }));
+  EXPECT_FALSE(stays_sane<Orders>([](auto& s) { s.extra_force_n[1] = std::nan(""); }));
+  EXPECT_FALSE(stays_sane<Orders>([](auto& s) { s.extra_force_until_ns = ~std::uint64_t{0}; }));
+  EXPECT_FALSE(stays_sane<Orders>([](auto& s) { s.clutched_until_ns = ~std::uint64_t{0}; }));
   EXPECT_FALSE(stays_sane<NodeInfo>([](auto& s) { s.role.fill('x'); }));
   EXPECT_FALSE(stays_sane<NodeInfo>([](auto& s) { s.kind = {'\x1b', '[', 'J'}; }));
   EXPECT_TRUE(stays_sane<NodeInfo>([](auto& s) { s.core = 0xffffffff; })) << "not pinned";

@@ -8,6 +8,7 @@
 
 #include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
 #include "tools/cli/common/formatted.hpp"
 #include "tools/cli/orders/marks.hpp"
 
@@ -20,6 +21,8 @@ using nlohmann::json;
 constexpr std::uint64_t kRepeat_ns = rtbus::kNsPerS;  // the topic of a node that starts anew
 constexpr std::uint64_t kSlice_ns = 20 * rtbus::kNsPerMs;
 constexpr std::size_t kLongestReason = 95;
+constexpr double kLongestHold_s = static_cast<double>(rtbus::Orders::kLongestHold_ns) * 1e-9;
+constexpr const char* kNeedsForS = " needs for_s, 0 to 1 s; whoever wants it longer repeats it";
 
 json refusal(const std::string& why) { return {{"ok", false}, {"error", why}}; }
 
@@ -35,6 +38,27 @@ std::string plain(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, ' ');
   return text;
+}
+
+/// Until when an order holds: `for_s` from now. None: no such number.
+std::optional<std::uint64_t> until_of(const json& order, std::uint64_t now_ns) {
+  const auto held = order.find("for_s");
+  if (held == order.end() || !held->is_number()) return std::nullopt;
+  const double for_s = held->get<double>();
+  if (!(for_s >= 0.0 && for_s <= kLongestHold_s)) return std::nullopt;
+  return now_ns + rtbus::ns_of(for_s);
+}
+
+/// Three numbers of the order; none where they are not there.
+std::optional<rtbus::Vec3> numbers_of(const json& order, const char* key) {
+  const auto found = order.find(key);
+  if (found == order.end() || !found->is_array() || found->size() != 3) return std::nullopt;
+  rtbus::Vec3 out;
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (!(*found)[i].is_number() || !std::isfinite((*found)[i].get<double>())) return std::nullopt;
+    out[i] = (*found)[i].get<double>();
+  }
+  return out;
 }
 
 }  // namespace
@@ -169,6 +193,45 @@ json OrderDesk::adjust(const json& order) {
   return state();
 }
 
+rtbus::Result<OrderDesk::Node*, std::string> OrderDesk::node_of(const json& order) {
+  const std::string name = text_of(order, "node");
+  std::string names;
+  for (Node& node : nodes_) {
+    if (node.config->name == name) return &node;
+    names += (names.empty() ? "" : ", ") + node.config->name;
+  }
+  return rtbus::Failure{"'" + name + "' is no haptic node of this session; `node` may be " + names};
+}
+
+json OrderDesk::clutch(const json& order) {
+  const auto node = node_of(order);
+  if (!node) return refusal(node.error());
+  const auto until_ns = until_of(order, rtbus::monotonic_ns());
+  if (!until_ns) return refusal(std::string("clutch") + kNeedsForS);
+  (*node)->orders.clutched_until_ns = *until_ns;
+  publish();
+  return state();
+}
+
+json OrderDesk::extra_force(const json& order) {
+  const auto node = node_of(order);
+  if (!node) return refusal(node.error());
+  const std::string& name = (*node)->config->name;
+  if ((*node)->config->extra_force_max_n <= 0.0) {
+    return refusal(name + " takes no force from orders; set extra_force_max_n in its haptic entry");
+  }
+  const auto force_n = numbers_of(order, "force_n");
+  if (!force_n) return refusal("extra_force needs force_n, three numbers in N along the axes of the device");
+  const auto until_ns = until_of(order, rtbus::monotonic_ns());
+  if (!until_ns) return refusal(std::string("extra_force") + kNeedsForS);
+  const double most_n = (*node)->config->extra_force_max_n, norm_n = rtbus::vector_of(*force_n).norm();
+  (*node)->orders.extra_force_n =
+      norm_n <= most_n ? *force_n : rtbus::array_of(rtbus::vector_of(*force_n) * (most_n / norm_n));
+  (*node)->orders.extra_force_until_ns = *until_ns;
+  publish();
+  return state();
+}
+
 json OrderDesk::record(const json& order) {
   std::vector<std::string> with;
   for (const char* each : {"bodies", "contacts"}) {
@@ -196,11 +259,15 @@ json OrderDesk::answer(const json& order) {
   if (name == "estop") return estop(order);
   if (name == "rearm") return rearm();
   if (name == "adjust") return adjust(order);
+  if (name == "clutch") return clutch(order);
+  if (name == "extra_force") return extra_force(order);
   if (name == "mark") return mark(order);
   if (name == "record") return record(order);
   if (name == "end_recording") return recording_.stop() ? state() : refusal("this session is not being recorded");
   if (name == "state") return state();
-  return refusal("'" + name + "' is no order; there are estop, rearm, adjust, mark, record, end_recording and state");
+  return refusal(
+      "'" + name +
+      "' is no order; there are estop, rearm, adjust, clutch, extra_force, mark, record, end_recording and state");
 }
 
 }  // namespace tools

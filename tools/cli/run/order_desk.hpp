@@ -44,10 +44,14 @@ class OrderDesk {
   [[nodiscard]] nlohmann::json estop(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json rearm();
   [[nodiscard]] nlohmann::json adjust(const nlohmann::json& order);
+  [[nodiscard]] nlohmann::json clutch(const nlohmann::json& order);
+  [[nodiscard]] nlohmann::json extra_force(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json record(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json mark(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json state() const;
   [[nodiscard]] std::vector<Adjustable> adjustables() const;
+  /// The haptic node that the order names. The error is a sentence for the user.
+  [[nodiscard]] rtbus::Result<Node*, std::string> node_of(const nlohmann::json& order);
   void publish();
 
   const RunPlan& plan_;
