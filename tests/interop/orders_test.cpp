@@ -145,6 +145,32 @@ TEST_F(Ordered, ForceBesidesThatOfTheMethodEndsWithTheSilenceOfWhoOrdersIt) {
   EXPECT_THAT(order(R"({"order": "clutch", "node": "haptic0", "for_s": 0})"), HasSubstr("\"ok\":true"));
 }
 
+TEST_F(Ordered, AProgramTakesBackItsOwnEstopAlone) {
+  start();
+  auto orders = reader<rtbus::Orders>("haptic0.orders");
+  ASSERT_TRUE(orders);
+  const auto stopped = [&] {
+    Stamped<rtbus::Orders> newest;
+    (void)orders->read_latest(newest);
+    return newest.value.estop == 1;
+  };
+  EXPECT_THAT(order(R"({"order": "estop", "source": "a node"})"), HasSubstr("a node"));
+  ASSERT_EQ(rtbus({"estop"}), 0) << said();
+  EXPECT_THAT(order(R"({"order": "rearm", "source": "another"})"), HasSubstr("holds no E-stop"));
+  EXPECT_THAT(order(R"({"order": "rearm", "source": "a node"})"), HasSubstr("of the user still holds"));
+  EXPECT_TRUE(stopped());
+  ASSERT_EQ(rtbus({"estop", "--rearm"}), 0) << said();
+  EXPECT_FALSE(stopped());
+  EXPECT_THAT(order(R"({"order": "estop", "source": "a node"})"), HasSubstr("\"ok\":true"));
+  EXPECT_TRUE(stopped());
+  EXPECT_THAT(order(R"({"order": "rearm", "source": "a node"})"), HasSubstr("\"ok\":true"));
+  EXPECT_FALSE(stopped());
+  // Who watches and falls silent stops the session, and a gain that he ordered is the file's again.
+  EXPECT_THAT(order(R"({"order": "watch", "source": "a node", "for_s": 0.2})"), HasSubstr("\"ok\":true"));
+  EXPECT_TRUE(tests::eventually(10.0, stopped));
+  EXPECT_THAT(order(R"({"order": "state"})"), HasSubstr("a node has ended or hangs"));
+}
+
 TEST_F(Ordered, ForceBesidesThatOfTheMethodNeedsTheLeaveOfTheSession) {
   start();
   EXPECT_THAT(order(R"({"order": "extra_force", "node": "haptic0", "force_n": [0, 1, 0], "for_s": 0.5})"),

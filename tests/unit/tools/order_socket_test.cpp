@@ -111,6 +111,19 @@ TEST(OrderSocket, OneWhoNeverReadsHoldsNobody) {
   ::close(mute);
 }
 
+TEST(OrderSocket, OneThatIsNeverServedHoldsNoClient) {
+  const std::string session = name_of_this_test();
+  auto hangs = OrderSocket::open(session, [](const Json&) { return Json::object(); });
+  ASSERT_TRUE(hangs) << hangs.error();
+  // The queue of the listener fills up, since nobody accepts. Without an end to waiting the last of these never return.
+  for (int i = 0; i < 40; ++i) {
+    const auto reply = send_order(session, {{"order", "estop"}}, 0.02);
+    ASSERT_FALSE(reply);
+    EXPECT_THAT(reply.error(), HasSubstr("does not answer")) << i;
+  }
+  EXPECT_EQ(remove_dead_order_sockets(session), std::vector<std::string>{}) << "its owner lives";
+}
+
 TEST(OrderSocket, TakesTheNameOfADeadOne) {
   const std::string session = name_of_this_test();
   std::string path;

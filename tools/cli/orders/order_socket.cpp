@@ -43,11 +43,11 @@ std::optional<sockaddr_un> address_of(const std::string& path) {
   return out;
 }
 
-/// @returns a connected socket, or −1.
+/// @returns a connected socket, or −1, at once.
 int connect_to(const std::string& path) {
   const auto address = address_of(path);
   if (!address) return -1;
-  const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+  const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (fd < 0) return -1;
   if (::connect(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0) return fd;
   const int why = errno;

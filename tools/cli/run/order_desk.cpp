@@ -22,6 +22,7 @@ constexpr std::uint64_t kRepeat_ns = rtbus::kNsPerS;  // the topic of a node tha
 constexpr std::uint64_t kSlice_ns = 20 * rtbus::kNsPerMs;
 constexpr std::size_t kLongestReason = 95;
 constexpr double kLongestHold_s = static_cast<double>(rtbus::Orders::kLongestHold_ns) * 1e-9;
+constexpr double kLongestWatch_s = 120.0;
 constexpr const char* kNeedsForS = " needs for_s, 0 to 1 s; whoever wants it longer repeats it";
 
 json refusal(const std::string& why) { return {{"ok", false}, {"error", why}}; }
@@ -40,13 +41,18 @@ std::string plain(std::string text) {
   return text;
 }
 
-/// Until when an order holds: `for_s` from now. None: no such number.
-std::optional<std::uint64_t> until_of(const json& order, std::uint64_t now_ns) {
+/// `for_s` of an order. None: no number from 0 to `most_s`.
+std::optional<double> seconds_of(const json& order, double most_s) {
   const auto held = order.find("for_s");
   if (held == order.end() || !held->is_number()) return std::nullopt;
   const double for_s = held->get<double>();
-  if (!(for_s >= 0.0 && for_s <= kLongestHold_s)) return std::nullopt;
-  return now_ns + rtbus::ns_of(for_s);
+  return for_s >= 0.0 && for_s <= most_s ? std::optional(for_s) : std::nullopt;
+}
+
+/// Until when an order holds. None: it does not say so.
+std::optional<std::uint64_t> until_of(const json& order, std::uint64_t now_ns) {
+  const auto for_s = seconds_of(order, kLongestHold_s);
+  return for_s ? std::optional(now_ns + rtbus::ns_of(*for_s)) : std::nullopt;
 }
 
 /// Three numbers of the order; none where they are not there.
@@ -103,6 +109,7 @@ bool OrderDesk::serve(std::uint64_t duration_ns) {
   for (std::uint64_t now_ns = rtbus::monotonic_ns(); go_on && now_ns < end_ns; now_ns = rtbus::monotonic_ns()) {
     go_on = socket_->serve(std::min(kSlice_ns, end_ns - now_ns));
     for (Node& node : nodes_) node.topic.maintain();
+    end_leases(now_ns);
     if (now_ns >= published_ns_ + kRepeat_ns) publish();
   }
   return go_on;
@@ -137,25 +144,43 @@ json OrderDesk::state() const {
   }
   out["records"] = static_cast<bool>(RTBUS_WITH_HDF5);
   out["recording"] = recording_.path();
+  out["held_by"] = holders_.all();
   out["recorded"] = recording_.said();
   out["estops"] = counts_.estops;
   out["rearms"] = counts_.rearms;
   return out;
 }
 
-json OrderDesk::estop(const json& order) {
-  const std::string reason = text_of(order, "reason");
+void OrderDesk::stop(const std::string& source, const std::string& reason) {
+  holders_.hold(source);
   ++counts_.estops;
   for (Node& node : nodes_) {
     ++node.orders.estops;
     node.orders.estop = 1;
-    rtbus::set_text(node.orders.reason, plain(reason.empty() ? "ordered" : reason));
+    rtbus::set_text(node.orders.reason, plain(reason));
   }
   publish();
+}
+
+json OrderDesk::estop(const json& order) {
+  const std::string reason = text_of(order, "reason");
+  stop(text_of(order, "source"), reason.empty() ? "ordered" : reason);
   return state();
 }
 
-json OrderDesk::rearm() {
+json OrderDesk::rearm(const json& order) {
+  if (order.contains("source")) {
+    // A program takes back its own E-stop, nobody else's.
+    const std::string source = text_of(order, "source");
+    if (!holders_.holds(source)) return refusal("'" + source + "' holds no E-stop");
+    holders_.let_go(source);
+    if (holders_.any()) {
+      const std::string& other = holders_.all().front();
+      return refusal("the E-stop of " + (other.empty() ? "the user" : "'" + other + "'") +
+                     " still holds; `rtbus estop --rearm` ends all");
+    }
+  }
+  holders_.clear();
   ++counts_.rearms;
   for (Node& node : nodes_) {
     ++node.orders.rearms;
@@ -164,6 +189,34 @@ json OrderDesk::rearm() {
   }
   publish();
   return state();
+}
+
+json OrderDesk::watch(const json& order) {
+  const std::string source = text_of(order, "source");
+  if (source.empty()) return refusal("watch needs a source, the name of who watches");
+  const auto for_s = seconds_of(order, kLongestWatch_s);
+  if (!for_s) return refusal("watch needs for_s, 0 to 120 s; whoever watches renews it, 0 ends it");
+  if (*for_s > 0.0) {
+    watches_.renew(source, rtbus::monotonic_ns() + rtbus::ns_of(*for_s));
+  } else {
+    watches_.end(source);
+  }
+  return state();
+}
+
+void OrderDesk::end_leases(std::uint64_t now_ns) {
+  for (const std::string& source : watches_.take_expired(now_ns)) stop(source, source + " has ended or hangs");
+  const std::vector<std::string> ended = gains_.take_expired(now_ns);
+  for (const Adjustable& each : adjustables()) {
+    if (std::find(ended.begin(), ended.end(), each.key) == ended.end()) continue;
+    rtbus::Orders& orders = nodes_[each.node].orders;
+    if (each.stiffness) {
+      orders.stiffness_n_per_m = 0.0;
+    } else {
+      orders.damping_n_s_per_m = -1.0;
+    }
+  }
+  if (!ended.empty()) publish();
 }
 
 json OrderDesk::adjust(const json& order) {
@@ -185,6 +238,13 @@ json OrderDesk::adjust(const json& order) {
   if (number < least || number > found->most) {
     return refusal(key + " = " + formatted("%g", number) + " " + found->unit + " is outside " + formatted("%g", least) +
                    " to " + formatted("%g", found->most) + " " + found->unit + ", what the device bears at this rate");
+  }
+  if (order.contains("for_s")) {
+    const auto for_s = seconds_of(order, kLongestWatch_s);
+    if (!for_s) return refusal(key + ": for_s is 0 to 120 s, after which the gain of the session file acts again");
+    gains_.renew(key, rtbus::monotonic_ns() + rtbus::ns_of(*for_s));
+  } else {
+    gains_.end(key);
   }
   rtbus::Orders& orders = nodes_[found->node].orders;
   (found->stiffness ? orders.stiffness_n_per_m : orders.damping_n_s_per_m) = number;
@@ -257,7 +317,8 @@ json OrderDesk::mark(const json& order) {
 json OrderDesk::answer(const json& order) {
   const std::string name = text_of(order, "order");
   if (name == "estop") return estop(order);
-  if (name == "rearm") return rearm();
+  if (name == "rearm") return rearm(order);
+  if (name == "watch") return watch(order);
   if (name == "adjust") return adjust(order);
   if (name == "clutch") return clutch(order);
   if (name == "extra_force") return extra_force(order);
@@ -265,9 +326,9 @@ json OrderDesk::answer(const json& order) {
   if (name == "record") return record(order);
   if (name == "end_recording") return recording_.stop() ? state() : refusal("this session is not being recorded");
   if (name == "state") return state();
-  return refusal(
-      "'" + name +
-      "' is no order; there are estop, rearm, adjust, clutch, extra_force, mark, record, end_recording and state");
+  return refusal("'" + name +
+                 "' is no order; there are estop, rearm, watch, adjust, clutch, extra_force, mark, record, "
+                 "end_recording and state");
 }
 
 }  // namespace tools

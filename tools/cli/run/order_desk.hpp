@@ -11,6 +11,7 @@
 #include "rtbus/publication.hpp"
 #include "rtbus/result.hpp"
 #include "tools/cli/orders/order_socket.hpp"
+#include "tools/cli/run/leases.hpp"
 #include "tools/cli/run/run_plan.hpp"
 #include "tools/cli/run/run_recording.hpp"
 
@@ -42,7 +43,8 @@ class OrderDesk {
   OrderDesk(const RunPlan& plan, RunRecording& recording);
   [[nodiscard]] nlohmann::json answer(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json estop(const nlohmann::json& order);
-  [[nodiscard]] nlohmann::json rearm();
+  [[nodiscard]] nlohmann::json rearm(const nlohmann::json& order);
+  [[nodiscard]] nlohmann::json watch(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json adjust(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json clutch(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json extra_force(const nlohmann::json& order);
@@ -52,6 +54,8 @@ class OrderDesk {
   [[nodiscard]] std::vector<Adjustable> adjustables() const;
   /// The haptic node that the order names. The error is a sentence for the user.
   [[nodiscard]] rtbus::Result<Node*, std::string> node_of(const nlohmann::json& order);
+  void stop(const std::string& source, const std::string& reason);
+  void end_leases(std::uint64_t now_ns);
   void publish();
 
   const RunPlan& plan_;
@@ -59,6 +63,8 @@ class OrderDesk {
   std::vector<Node> nodes_;
   std::unique_ptr<OrderSocket> socket_;
   Counts counts_;
+  Holders holders_;         ///< Of the E-stop.
+  Leases watches_, gains_;  ///< By source; by key.
   std::uint64_t published_ns_ = 0;
 };
 
