@@ -72,6 +72,11 @@ class FixedSession {
     bodies_.emplace(make<rtbus::BodyPoses>("physics.body_poses"));
   }
 
+  /// Measured, ticked and answered at these times (CLOCK_MONOTONIC), whenever it is published.
+  [[nodiscard]] std::uint64_t device_ns() const { return begin_ns_ - 20 * rtbus::kNsPerMs; }
+  [[nodiscard]] std::uint64_t tick_ns() const { return begin_ns_ - 300 * rtbus::kNsPerMs; }
+  [[nodiscard]] std::uint64_t proxy_ns() const { return begin_ns_ - 4 * rtbus::kNsPerS; }
+
   void publish() {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     rtbus::DeviceState device;
@@ -80,11 +85,11 @@ class FixedSession {
     device.orientation_wxyz = {0.5, -0.5, 0.5, -0.5};
     device.buttons = 0b101;
     device.gripper_m = 0.25;
-    device.sample_time_ns = now_ns;
+    device.sample_time_ns = device_ns();
     device_->publish(device, now_ns);
 
     rtbus::Telemetry tick;
-    tick.device_time_ns = now_ns;
+    tick.device_time_ns = tick_ns();
     tick.due_ns = now_ns;
     tick.tick = ++ticks_;
     tick.position_m = device.position_m;
@@ -98,7 +103,7 @@ class FixedSession {
     proxy.angular_velocity_rad_s = {0.0, 2.0, 0.0};
     proxy.contact_force_n = {0.0, 8.0, 0.0};
     proxy.step_index = ticks_;
-    proxy_->publish(proxy, now_ns);
+    proxy_->publish(proxy, proxy_ns());
 
     rtbus::BodyPoses bodies;
     bodies.frame = ticks_;
@@ -130,6 +135,7 @@ class FixedSession {
     return std::move(*writer);
   }
   rtbus::Session session_;
+  const std::uint64_t begin_ns_ = rtbus::monotonic_ns();
   std::uint64_t ticks_ = 0;
   std::optional<rtbus::Writer<rtbus::DeviceState>> device_;
   std::optional<rtbus::Writer<rtbus::Telemetry>> tick_;
@@ -284,6 +290,46 @@ TEST_F(BridgeProof, BytesAreTheCdrOfThePublishedDefinitions) {
   joints.header(base).u32(3).text("haptic0/x").text("haptic0/y").text("haptic0/z");
   joints.u32(3).f64({1, 2, 3}).u32(3).f64({0.5, -0.25, 0.125}).u32(3).f64({-1, 4, 2});
   EXPECT_EQ(body_of(message("rt/haptic0/joint_states")), joints.hex());
+}
+
+/// Time since 1970 of a time of CLOCK_MONOTONIC, by the closest of several looks at both.
+std::int64_t since_1970_ns(std::uint64_t monotonic_ns) {
+  std::int64_t offset_ns = 0;
+  std::uint64_t closest_ns = ~std::uint64_t{0};
+  for (int look = 0; look < 20; ++look) {
+    const std::uint64_t before_ns = rtbus::monotonic_ns();
+    timespec now{};
+    ::clock_gettime(CLOCK_REALTIME, &now);
+    const std::uint64_t between_ns = rtbus::monotonic_ns() - before_ns;
+    if (between_ns >= closest_ns) continue;
+    closest_ns = between_ns;
+    offset_ns = static_cast<std::int64_t>(now.tv_sec) * static_cast<std::int64_t>(rtbus::kNsPerS) + now.tv_nsec -
+                static_cast<std::int64_t>(before_ns);
+  }
+  return static_cast<std::int64_t>(monotonic_ns) + offset_ns;
+}
+
+TEST_F(BridgeProof, StampsAreTheTimesOfTheSamplesSince1970) {
+  const auto stamp_ns = [](const std::string& topic) {
+    const Bytes bytes = message(topic);
+    std::int32_t seconds = 0;
+    std::uint32_t rest_ns = 0;
+    EXPECT_GE(bytes.size(), 12u);
+    std::memcpy(&seconds, bytes.data() + 4, sizeof seconds);
+    std::memcpy(&rest_ns, bytes.data() + 8, sizeof rest_ns);
+    return static_cast<double>(seconds) * 1e9 + static_cast<double>(rest_ns);
+  };
+  constexpr double kTolerance_ns = 5e6;
+  const auto expected_ns = [](std::uint64_t at_ns) { return static_cast<double>(since_1970_ns(at_ns)); };
+  for (const char* topic : {"rt/haptic0/pose", "rt/haptic0/twist", "rt/haptic0/joy"}) {
+    EXPECT_NEAR(stamp_ns(topic), expected_ns(session_->device_ns()), kTolerance_ns) << topic;
+  }
+  for (const char* topic : {"rt/haptic0/wrench", "rt/haptic0/joint_states"}) {
+    EXPECT_NEAR(stamp_ns(topic), expected_ns(session_->tick_ns()), kTolerance_ns) << topic;
+  }
+  for (const char* topic : {"rt/haptic0/proxy/pose", "rt/haptic0/proxy/twist", "rt/haptic0/proxy/wrench"}) {
+    EXPECT_NEAR(stamp_ns(topic), expected_ns(session_->proxy_ns()), kTolerance_ns) << topic;
+  }
 }
 
 /// What the independent decoder reads.

@@ -18,6 +18,7 @@
 
 #include "rtbus/clock.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/order_client.hpp"
 #include "rtbus/order_messages.hpp"
 #include "rtbus/topic.hpp"
 #include "tests/bridge/fast_peer.hpp"
@@ -113,6 +114,7 @@ class BridgeSession : public testing::Test {
       return condition();
     });
   }
+  [[nodiscard]] std::string reason() { return std::string(rtbus::text_of(orders().reason)); }
   struct Ticks {
     double spread_n = 0.0;  ///< Largest less smallest vertical force.
   };
@@ -250,22 +252,14 @@ TEST_F(BridgeSession, OrdersAreOffUnlessNamed) {
   EXPECT_EQ(finish(), 0) << text_of(log());
 }
 
-TEST_F(BridgeSession, TakesOrdersWithOwnerTimeOutAndClamp) {
-  start({"bridge.publish.pose.rate_hz=100", "bridge.orders.estop.timeout_s=60", "bridge.orders.enable.timeout_s=1",
-         "bridge.orders.mark.per_s=5", "haptic.0.adjustable=[coupling.stiffness_n_per_m]",
+TEST_F(BridgeSession, GainsAreClampedAndEndWithTheirOwnersSilence) {
+  start({"bridge.publish.pose.rate_hz=100", "haptic.0.adjustable=[coupling.stiffness_n_per_m]",
          "bridge.orders.adjust=[{key: haptic0.coupling.stiffness_n_per_m, least: 100, most: 250, timeout_s: 1}]"});
   ASSERT_TRUE(await_bridge()) << text_of(log());
   FastPeer peer;
-  const std::size_t stop = peer.announce("rt/estop", "std_msgs::msg::dds_::Bool_");
-  const std::size_t enable = peer.announce("rt/enable", "std_msgs::msg::dds_::Bool_");
-  const std::size_t other = peer.announce("rt/enable", "std_msgs::msg::dds_::Bool_");
   const std::size_t gain =
       peer.announce("rt/adjust/haptic0/coupling/stiffness_n_per_m", "std_msgs::msg::dds_::Float64_");
-  ASSERT_TRUE(eventually(30.0, [&] {
-    return peer.matched(stop) && peer.matched(enable) && peer.matched(other) && peer.matched(gain);
-  })) << text_of(log());
-
-  // A gain beyond the clamp arrives as the clamp; one below it likewise. Silence gives the file's value.
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(gain); })) << text_of(log());
   const double configured = [&] {
     auto info = rtbus::Reader<rtbus::NodeInfo>::open(bus_, "haptic0.node_info");
     rtbus::Stamped<rtbus::NodeInfo> node;
@@ -276,26 +270,117 @@ TEST_F(BridgeSession, TakesOrdersWithOwnerTimeOutAndClamp) {
       << text_of(log());
   EXPECT_TRUE(beat_until(peer, gain, number(1.0), [&] { return orders().stiffness_n_per_m == 100.0; }));
   EXPECT_TRUE(eventually(30.0, [&] { return orders().stiffness_n_per_m == configured; })) << configured;
+
+  // So does a gain whose bridge dies: `rtbus run` holds it only for as long as it is renewed.
+  EXPECT_TRUE(beat_until(peer, gain, number(1.0), [&] { return orders().stiffness_n_per_m == 100.0; }));
+  ::kill(bridge(), SIGKILL);
+  EXPECT_TRUE(eventually(30.0, [&] { return orders().stiffness_n_per_m != 100.0; })) << text_of(log());
   EXPECT_EQ(orders().estops, 0u);
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
 
-  // The owner of `enable` begins with false, which stops; true re-arms. A second writer is refused.
+TEST_F(BridgeSession, EnableStopsBySilenceAndTakesBackItsOwnStopAlone) {
+  start({"bridge.publish.diagnostics.rate_hz=10", "bridge.orders.enable.timeout_s=1"});
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  FastPeer peer;
+  peer.listen("rt/diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_");
+  const std::size_t enable = peer.announce("rt/enable", "std_msgs::msg::dds_::Bool_");
+  const std::size_t other = peer.announce("rt/enable", "std_msgs::msg::dds_::Bool_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(enable) && peer.matched(other); })) << text_of(log());
+
+  // The owner begins with false, which stops; true takes it back. A second writer is refused.
   EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] { return orders().estop == 1; })) << text_of(log());
+  EXPECT_TRUE(eventually(30.0, [&] {
+    const Bytes told = peer.newest("rt/diagnostics").value_or(Bytes{});
+    return std::string(told.begin(), told.end()).find("E-stop: ROS 2 topic enable") != std::string::npos;
+  }));
   EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return orders().estop == 0; })) << text_of(log());
-  const std::uint64_t stops = orders().estops;
   for (int i = 0; i < 5; ++i) peer.write(other, boolean(false));
-  // The owner falls silent: one stop more, and his word is the reason.
+  // The owner falls silent, and that is the reason.
   EXPECT_TRUE(eventually(30.0, [&] { return orders().estop == 1; })) << text_of(log());
-  EXPECT_EQ(orders().estops, stops + 1);
-  EXPECT_THAT(std::string(rtbus::text_of(orders().reason)), testing::HasSubstr("silent"));
+  EXPECT_THAT(reason(), testing::HasSubstr("owner is silent"));
 
-  // E-stop by anybody; the beat of the one who enables does not undo it.
+  // What the user has stopped, no beat and no step from false to true undoes.
   EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] { return orders().estop == 1; }));
   EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return orders().estop == 0; })) << text_of(log());
-  const std::uint64_t before = orders().estops;
-  EXPECT_TRUE(beat_until(peer, stop, boolean(true), [&] { return orders().estops > before; })) << text_of(log());
+  ASSERT_TRUE(rtbus::send_order_text(bus_.name, R"({"order": "estop", "reason": "by hand"})", 1.0));
   int beats = 0;
+  EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] { return ++beats > 40; }));
+  beats = 0;
   EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return ++beats > 40; }));
   EXPECT_EQ(orders().estop, 1u);
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+TEST_F(BridgeSession, ABridgeThatDiesWhileSomebodyWatchesStopsTheSession) {
+  start({"bridge.publish.pose.rate_hz=100", "bridge.orders.enable.timeout_s=1", "supervise.restart=false"});
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  FastPeer peer;
+  const std::size_t enable = peer.announce("rt/enable", "std_msgs::msg::dds_::Bool_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(enable); })) << text_of(log());
+  EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] { return orders().estop == 1; })) << text_of(log());
+  EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return orders().estop == 0; })) << text_of(log());
+  ::kill(bridge(), SIGKILL);
+  EXPECT_TRUE(beat_until(peer, enable, boolean(true), [&] { return orders().estop == 1; })) << text_of(log());
+  EXPECT_THAT(reason(), testing::HasSubstr("has ended or hangs"));
+  EXPECT_EQ(finish(), 1) << text_of(log());
+}
+
+TEST_F(BridgeSession, EstopIsOrderedByAnybodyAndMarksReachTheRecording) {
+  start({"bridge.publish.pose.rate_hz=100", "bridge.orders.estop.timeout_s=60", "bridge.orders.mark.per_s=5"});
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  FastPeer peer;
+  const std::size_t stop = peer.announce("rt/estop", "std_msgs::msg::dds_::Bool_");
+  const std::size_t mark = peer.announce("rt/mark", "std_msgs::msg::dds_::String_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(stop) && peer.matched(mark); })) << text_of(log());
+  const std::string file = folder_.path().string() + "/marked.h5";
+  const auto recording = rtbus::send_order_text(bus_.name, R"({"order": "record", "file": ")" + file + R"("})", 5.0);
+  if (recording && recording->find("\"ok\":true") != std::string::npos) {  // a build without HDF5 records nothing
+    Bytes text{0, 1, 0, 0, 7, 0, 0, 0, 't', 'o', 'u', 'c', 'h', '!', 0};
+    EXPECT_TRUE(beat_until(peer, mark, text, [&] { return std::system(("grep -q 'touch!' " + file).c_str()) == 0; }))
+        << text_of(log());
+  }
+  EXPECT_TRUE(beat_until(peer, stop, boolean(true), [&] { return orders().estop == 1; })) << text_of(log());
+  EXPECT_EQ(reason(), "ROS 2 topic estop");
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+TEST_F(BridgeSession, ClutchAndExtraWrenchActWhileTheyAreRepeated) {
+  start({"bridge.publish.pose.rate_hz=100", "bridge.orders.clutch.timeout_s=0.5",
+         "bridge.orders.extra_wrench.timeout_s=0.5", "haptic.0.extra_force_max_n=0.5"});
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  FastPeer peer;
+  const std::size_t clutch = peer.announce("rt/haptic0/clutch", "std_msgs::msg::dds_::Bool_");
+  const std::size_t push = peer.announce("rt/haptic0/extra_wrench", "geometry_msgs::msg::dds_::WrenchStamped_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(clutch) && peer.matched(push); })) << text_of(log());
+  const auto wrench = [](const std::string& frame, double x_n) {
+    Bytes out{0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, static_cast<std::uint8_t>(frame.size() + 1), 0, 0, 0};
+    out.insert(out.end(), frame.begin(), frame.end());
+    out.push_back(0);
+    while ((out.size() - 4) % 8 != 0) out.push_back(0);
+    for (const double each : {x_n, 0.0, 0.0, 0.0, 0.0, 0.0}) {
+      const Bytes bytes = number(each);
+      out.insert(out.end(), bytes.begin() + 4, bytes.end());
+    }
+    return out;
+  };
+  const auto now = [&] {
+    (void)follow_ticks();
+    return newest_tick_;
+  };
+  int beats = 0;
+  EXPECT_TRUE(beat_until(peer, push, wrench("world", 3.0), [&] { return ++beats > 40; }));
+  EXPECT_EQ(orders().extra_force_until_ns, 0u) << "in another frame it would push elsewhere";
+  EXPECT_TRUE(beat_until(peer, push, wrench("haptic0_base", 3.0), [&] {
+    const rtbus::Telemetry tick = now();
+    return std::abs(tick.force_n[0] - tick.rendered_force_n[0] - 0.5) < 1e-6;
+  })) << newest_tick_.force_n[0];
+  EXPECT_TRUE(eventually(30.0, [&] {
+    const rtbus::Telemetry tick = now();
+    return std::abs(tick.force_n[0] - tick.rendered_force_n[0]) < 1e-9;
+  })) << newest_tick_.force_n[0];
+  EXPECT_TRUE(beat_until(peer, clutch, boolean(true), [&] { return now().gate == 0.0; }));
+  EXPECT_TRUE(eventually(30.0, [&] { return now().gate == 1.0; }));
   EXPECT_EQ(finish(), 0) << text_of(log());
 }
 

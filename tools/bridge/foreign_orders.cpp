@@ -1,6 +1,8 @@
 #include "tools/bridge/foreign_orders.hpp"
 
-#include <cstdio>
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
@@ -9,23 +11,17 @@
 #include <ros2_messages.h>
 #include "rtbus/clock.hpp"
 #include "rtbus/realtime.hpp"
+#include "tools/bridge/frames.hpp"
+#include "tools/bridge/messages.hpp"
 #include "tools/bridge/order_rules.hpp"
-#include "tools/cli/orders/emergency_stop.hpp"
-#include "tools/cli/orders/order_socket.hpp"
 
 namespace bridge {
 
 namespace {
 
-constexpr std::uint64_t kLook_ns = 10 * rtbus::kNsPerMs;
-constexpr double kPatience_s = 0.3;
-constexpr double kAdjustments_per_s = 20.0;
+constexpr double kOrders_per_s = 50.0;  // of one topic
 
-template <class Rule>
-struct Heard {
-  DdsReader reader;
-  Rule rule;
-};
+using Force = std::array<double, 3>;
 
 }  // namespace
 
@@ -34,45 +30,65 @@ struct ForeignOrders::Topics {
     AdjustOrder order;
     DdsReader reader;
     AdjustRule rule;
-    Pace pace{kAdjustments_per_s};
+    Pace pace{kOrders_per_s};
+    std::optional<double> carried_out{};
+    std::uint64_t renewed_ns = 0;
   };
-  std::optional<Heard<EstopRule>> estop;
-  std::optional<Heard<EnableRule>> enable;
-  std::optional<Heard<MarkRule>> mark;
+  struct Marks {
+    DdsReader reader;
+    MarkRule rule;
+  };
+  template <class Value>
+  struct Held {
+    std::string node;
+    DdsReader reader;
+    HeldRule<Value> rule;
+    Pace pace{kOrders_per_s};
+  };
+  std::optional<Marks> marks;
   std::vector<Gain> gains;
+  std::vector<Held<bool>> clutches;
+  std::vector<Held<Force>> extra_forces;
 };
 
 rtbus::Result<std::unique_ptr<ForeignOrders>, std::string> ForeignOrders::open(Participant& participant,
                                                                                const BridgeConfig& config,
-                                                                               const std::string& session) {
-  if (!config.orders.any()) return std::unique_ptr<ForeignOrders>();
+                                                                               const std::string& session,
+                                                                               OrderCounts& counts) {
   auto topics = std::make_unique<Topics>();
   std::string problem;
+  bool any = false;
   const auto reader = [&](const std::string& name, const MessageType& type) {
     auto made = participant.reader(config.order_topic(name), type);
     if (!made) problem = made.error();
+    any = true;
     return made;
   };
-  if (const auto timeout_s = config.orders.estop_timeout_s) {
-    if (auto made = reader("estop", kBool)) topics->estop.emplace(Heard<EstopRule>{*made, EstopRule(*timeout_s)});
-  }
-  if (const auto timeout_s = config.orders.enable_timeout_s) {
-    if (auto made = reader("enable", kBool)) topics->enable.emplace(Heard<EnableRule>{*made, EnableRule(*timeout_s)});
-  }
   if (const auto per_s = config.orders.marks_per_s) {
-    if (auto made = reader("mark", kString)) topics->mark.emplace(Heard<MarkRule>{*made, MarkRule(*per_s)});
+    if (auto made = reader("mark", kString)) topics->marks.emplace(Topics::Marks{*made, MarkRule(*per_s)});
   }
   for (const AdjustOrder& order : config.orders.adjust) {
     if (auto made = reader(order.topic, kFloat64)) {
       topics->gains.push_back({order, *made, AdjustRule(order.least, order.most, order.timeout_s)});
     }
   }
+  for (const std::string& node : config.orders.clutch) {
+    if (auto made = reader(node + "/clutch", kBool)) {
+      topics->clutches.push_back({node, *made, HeldRule<bool>(*config.orders.clutch_timeout_s)});
+    }
+  }
+  for (const std::string& node : config.orders.takes_extra_force) {
+    if (auto made = reader(node + "/extra_wrench", kWrenchStamped)) {
+      topics->extra_forces.push_back({node, *made, HeldRule<Force>(*config.orders.extra_wrench_timeout_s)});
+    }
+  }
   if (!problem.empty()) return rtbus::Failure{problem};
-  return std::unique_ptr<ForeignOrders>(new ForeignOrders(std::move(topics), session));
+  if (!any) return std::unique_ptr<ForeignOrders>();
+  return std::unique_ptr<ForeignOrders>(new ForeignOrders(std::move(topics), session, counts));
 }
 
-ForeignOrders::ForeignOrders(std::unique_ptr<Topics> topics, std::string session)
-    : topics_(std::move(topics)), session_(std::move(session)), thread_([this] { work(); }) {}
+ForeignOrders::ForeignOrders(std::unique_ptr<Topics> topics, const std::string& session, OrderCounts& counts)
+    : topics_(std::move(topics)), line_(session, counts), thread_([this] { work(); }) {}
 
 ForeignOrders::~ForeignOrders() {
   ends_ = true;
@@ -83,90 +99,81 @@ void ForeignOrders::work() {
   rtbus::name_this_thread("orders");
   while (!ends_) {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
-    follow_estop(now_ns);
-    follow_enable(now_ns);
+    follow_clutches(now_ns);
+    follow_extra_forces(now_ns);
     follow_adjustments(now_ns);
     follow_marks(now_ns);
     rtbus::sleep_until(now_ns + kLook_ns);
   }
 }
 
-void ForeignOrders::stop(const std::string& why) {
-  const auto done = tools::emergency_stop(session_, why);
-  std::fprintf(stderr, "rtbus bridge: %s: %s\n", why.c_str(), done ? done->c_str() : done.error().c_str());
-  ++(done ? carried_out_ : refused_);
-}
-
-bool ForeignOrders::send(const std::string& what, const std::string& order) {
-  const auto answer = tools::send_order(session_, nlohmann::json::parse(order), kPatience_s);
-  const bool done = answer && answer->value("ok", false);
-  if (!done) {
-    const std::string why = answer ? answer->value("error", "refused") : answer.error();
-    std::fprintf(stderr, "rtbus bridge: %s: %s\n", what.c_str(), why.c_str());
-  }
-  ++(done ? carried_out_ : refused_);
-  return done;
-}
-
-void ForeignOrders::follow_estop(std::uint64_t now_ns) {
-  if (!topics_->estop) return;
-  auto& [reader, rule] = *topics_->estop;
-  bool ordered = false;
-  reader.drain<std_msgs_msg_dds__Bool_>([&, &judge = rule](const std_msgs_msg_dds__Bool_& message, Author author) {
-    const Verdict verdict = judge.hears(message.data, author, now_ns);
-    if (verdict == Verdict::kRefused) ++refused_;
-    ordered = ordered || verdict == Verdict::kOrder;
-  });
-  if (ordered) stop("ROS 2 topic estop");
-  if (rule.stops_by_silence(now_ns)) stop("ROS 2 topic estop: who sent false is silent");
-}
-
-void ForeignOrders::follow_enable(std::uint64_t now_ns) {
-  if (!topics_->enable) return;
-  auto& [reader, rule] = *topics_->enable;
-  Verdict last = Verdict::kNothing;
-  reader.drain<std_msgs_msg_dds__Bool_>([&, &judge = rule](const std_msgs_msg_dds__Bool_& message, Author author) {
-    const Verdict verdict = judge.hears(message.data, author, now_ns);
-    if (verdict == Verdict::kRefused) ++refused_;
-    if (verdict == Verdict::kOrder || verdict == Verdict::kRearm) last = verdict;
-  });
-  if (last == Verdict::kOrder) stop("ROS 2 topic enable: false");
-  if (last == Verdict::kRearm) (void)send("ROS 2 topic enable", R"({"order": "rearm"})");
-  if (rule.stops_by_silence(now_ns)) stop("ROS 2 topic enable: its owner is silent");
+void ForeignOrders::count(bool refused) {
+  if (refused) ++line_.counts().refused;
 }
 
 void ForeignOrders::follow_marks(std::uint64_t now_ns) {
-  if (!topics_->mark) return;
-  auto& [reader, rule] = *topics_->mark;
+  if (!topics_->marks) return;
+  auto& [reader, rule] = *topics_->marks;
   std::vector<std::string> texts;
   reader.drain<std_msgs_msg_dds__String_>([&, &judge = rule](const std_msgs_msg_dds__String_& message, Author author) {
-    if (judge.hears(author, now_ns) == Verdict::kOrder) {
-      texts.push_back(printable(message.data));
-    } else {
-      ++refused_;
-    }
+    const bool taken = judge.hears(author, now_ns) == Verdict::kOrder;
+    if (taken) texts.push_back(printable(message.data));
+    count(!taken);
   });
-  for (const std::string& text : texts) {
-    (void)send("ROS 2 topic mark", nlohmann::json{{"order", "mark"}, {"text", text}}.dump());
-  }
+  for (const std::string& text : texts) (void)line_.send("ROS 2 topic mark", {{"order", "mark"}, {"text", text}});
 }
 
 void ForeignOrders::follow_adjustments(std::uint64_t now_ns) {
   for (Topics::Gain& gain : topics_->gains) {
-    std::optional<double> wanted;
     gain.reader.drain<std_msgs_msg_dds__Float64_>([&](const std_msgs_msg_dds__Float64_& message, Author author) {
-      double value = message.data;
-      const Verdict verdict = gain.rule.hears(value, author, now_ns);
-      if (verdict == Verdict::kRefused) ++refused_;
-      if (verdict == Verdict::kOrder) wanted = value;
-      if (verdict == Verdict::kNothing) wanted.reset();
+      count(gain.rule.hears(message.data, author, now_ns) == Verdict::kRefused);
     });
-    const auto adjust = [&](double value) {
-      const nlohmann::json order{{"order", "adjust"}, {"key", gain.order.key}, {"value", value}};
-      return send("ROS 2 topic " + gain.order.topic, order.dump());
-    };
-    if (wanted && gain.pace.allows(now_ns) && adjust(*wanted)) gain.rule.carried_out(*wanted);
-    if (gain.rule.ends_by_silence(now_ns)) (void)adjust(gain.order.initial);
+    gain.rule.end_by_silence(now_ns);
+    const std::optional<double> wanted = gain.rule.wanted();
+    const bool renews = wanted && now_ns >= gain.renewed_ns + kRenew_ns;
+    if ((wanted == gain.carried_out && !renews) || !gain.pace.allows(now_ns)) continue;
+    nlohmann::json order{{"order", "adjust"}, {"key", gain.order.key}, {"value", wanted.value_or(gain.order.initial)}};
+    if (wanted) order["for_s"] = gain.order.timeout_s + kLeaseMargin_s;
+    if (!line_.send("ROS 2 topic " + gain.order.topic, order)) continue;
+    gain.carried_out = wanted;
+    gain.renewed_ns = now_ns;
+  }
+}
+
+void ForeignOrders::follow_clutches(std::uint64_t now_ns) {
+  for (auto& each : topics_->clutches) {
+    each.reader.drain<std_msgs_msg_dds__Bool_>([&](const std_msgs_msg_dds__Bool_& message, Author author) {
+      count(each.rule.hears(message.data, author, now_ns) == Verdict::kRefused);
+    });
+    each.rule.end_by_silence(now_ns);
+    if (!each.pace.allows(now_ns)) continue;
+    if (const auto pressed = each.rule.take()) {
+      const double for_s = *pressed ? each.rule.holds_for_s(now_ns) : 0.0;
+      (void)line_.send("ROS 2 topic " + each.node + "/clutch",
+                       {{"order", "clutch"}, {"node", each.node}, {"for_s", for_s}});
+    }
+  }
+}
+
+void ForeignOrders::follow_extra_forces(std::uint64_t now_ns) {
+  for (auto& each : topics_->extra_forces) {
+    each.reader.drain<WrenchStamped>([&](const WrenchStamped& message, Author author) {
+      const std::string_view frame = message.header.frame_id != nullptr ? message.header.frame_id : "";
+      const auto& force = message.wrench.force;
+      const bool sane = std::isfinite(force.x) && std::isfinite(force.y) && std::isfinite(force.z);
+      // In another frame it would push elsewhere.
+      const bool taken = sane && frame == base_frame(each.node) &&
+                         each.rule.hears({force.x, force.y, force.z}, author, now_ns) == Verdict::kOrder;
+      count(!taken);
+    });
+    each.rule.end_by_silence(now_ns);
+    if (!each.pace.allows(now_ns)) continue;
+    if (const auto force_n = each.rule.take()) {
+      (void)line_.send("ROS 2 topic " + each.node + "/extra_wrench", {{"order", "extra_force"},
+                                                                      {"node", each.node},
+                                                                      {"force_n", *force_n},
+                                                                      {"for_s", each.rule.holds_for_s(now_ns)}});
+    }
   }
 }
 

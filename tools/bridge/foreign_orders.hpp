@@ -1,46 +1,42 @@
 #pragma once
 /// @file foreign_orders.hpp
-/// Orders from ROS 2: read by a thread of its own, judged (order_rules.hpp), and sent to `rtbus run` like any other
-/// order (docs/orders.md). Whatever comes, the safety ladder of the loop is behind it.
+/// Gains, marks, clutch and extra force from ROS 2: read by a thread of its own, judged (order_rules.hpp), and sent to
+/// `rtbus run` like any other order (docs/orders.md). Whatever comes, the safety ladder of the loop is behind it.
 #include <atomic>
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 
 #include "tools/bridge/config/bridge_config.hpp"
+#include "tools/bridge/order_line.hpp"
 #include "tools/bridge/participant.hpp"
 
 namespace bridge {
 
-/// Takes orders from construction by open() to destruction. Counters: any thread.
+/// Takes orders from construction by open() to destruction.
 class ForeignOrders {
  public:
-  /// @returns null when the session names no order. The error is a sentence for the user. The participant outlives it.
+  /// @returns null when the session names none of them. The error is a sentence for the user. The others outlive it.
   [[nodiscard]] static rtbus::Result<std::unique_ptr<ForeignOrders>, std::string> open(Participant& participant,
                                                                                        const BridgeConfig& config,
-                                                                                       const std::string& session);
+                                                                                       const std::string& session,
+                                                                                       OrderCounts& counts);
   ~ForeignOrders();
   ForeignOrders(const ForeignOrders&) = delete;
   ForeignOrders& operator=(const ForeignOrders&) = delete;
 
-  [[nodiscard]] std::uint64_t carried_out() const noexcept { return carried_out_; }
-  [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
-
  private:
   struct Topics;
-  ForeignOrders(std::unique_ptr<Topics> topics, std::string session);
+  ForeignOrders(std::unique_ptr<Topics> topics, const std::string& session, OrderCounts& counts);
   void work();
-  void follow_estop(std::uint64_t now_ns);
-  void follow_enable(std::uint64_t now_ns);
   void follow_marks(std::uint64_t now_ns);
   void follow_adjustments(std::uint64_t now_ns);
-  void stop(const std::string& why);
-  bool send(const std::string& what, const std::string& order);
+  void follow_clutches(std::uint64_t now_ns);
+  void follow_extra_forces(std::uint64_t now_ns);
+  void count(bool refused);
 
   std::unique_ptr<Topics> topics_;
-  std::string session_;
-  std::atomic<std::uint64_t> carried_out_{0}, refused_{0};
+  OrderLine line_;
   std::atomic<bool> ends_{false};
   std::thread thread_;
 };

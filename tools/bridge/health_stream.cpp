@@ -29,6 +29,7 @@ NodeHealth::NodeHealth(const rtbus::Session& session, const std::string& node, b
       infos_(session, node + ".node_info") {
   if (haptic) {
     loops_.emplace(session, node + ".loop_stats");
+    orders_.emplace(session, node + ".orders");
   } else {
     steps_.emplace(session, node + ".step_stats");
   }
@@ -39,6 +40,15 @@ void NodeHealth::maintain() noexcept {
   infos_.maintain();
   if (loops_) loops_->maintain();
   if (steps_) steps_->maintain();
+  if (orders_) orders_->maintain();
+}
+
+void NodeHealth::add_orders(Status& row) {
+  (void)orders_->read_latest(order_);
+  if (order_.sequence == 0 || order_.value.estop == 0) return;
+  row.level = Level::kWarn;
+  row.message +=
+      (row.message.empty() ? "" : ", ") + std::string("E-stop: ") + std::string(rtbus::text_of(order_.value.reason));
 }
 
 void NodeHealth::add_loop(Status& row) {
@@ -81,6 +91,7 @@ Status NodeHealth::row() {
   out.name = name_;
   (void)infos_.read_latest(info_);
   out.hardware = rtbus::text_of(info_.value.kind);
+  if (orders_) add_orders(out);
   if (loops_) add_loop(out);
   if (steps_) add_steps(out);
   (void)beats_.read_latest(beat_);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "rtbus/messages.hpp"
+#include "rtbus/order_messages.hpp"
 #include "rtbus/subscription.hpp"
 #include "tools/bridge/config/bridge_config.hpp"
 #include "tools/bridge/messages.hpp"
@@ -27,16 +28,19 @@ class NodeHealth {
  private:
   void add_loop(Status& row);
   void add_steps(Status& row);
+  void add_orders(Status& row);
 
   std::string name_;
   rtbus::Subscription<rtbus::Heartbeat> beats_;
   rtbus::Subscription<rtbus::NodeInfo> infos_;
   std::optional<rtbus::Subscription<rtbus::LoopStats>> loops_;
+  std::optional<rtbus::Subscription<rtbus::Orders>> orders_;
   std::optional<rtbus::Subscription<rtbus::StepStats>> steps_;
   rtbus::Stamped<rtbus::Heartbeat> beat_{};
   rtbus::Stamped<rtbus::NodeInfo> info_{};
   rtbus::Stamped<rtbus::LoopStats> loop_{};
   rtbus::Stamped<rtbus::StepStats> step_{};
+  rtbus::Stamped<rtbus::Orders> order_{};
 };
 
 /// One thread.

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/config/shared_keys.hpp"
 #include "rtbus/topic_directory.hpp"
@@ -16,6 +17,7 @@
 #include "tools/bridge/frame_stream.hpp"
 #include "tools/bridge/haptic_streams.hpp"
 #include "tools/bridge/health_stream.hpp"
+#include "tools/bridge/stop_orders.hpp"
 #include "tools/cli/common/command.hpp"
 #include "tools/cli/common/find_config.hpp"
 #include "tools/cli/common/interrupt.hpp"
@@ -51,7 +53,10 @@ Plan read_plan(const BridgeCommand& command) {
     out.haptic.push_back(haptic::read_haptic_config(session, i));
   }
   out.config = bridge::read_bridge_config(session, out.haptic);
-  out.physics = session.physics.has_value();
+  const bool asked = std::any_of(out.haptic.begin(), out.haptic.end(), [](const haptic::HapticConfig& each) {
+    return haptic::find_method(each.method)->needs_physics;
+  });
+  out.physics = asked && session.physics.has_value();  // else `rtbus run` leaves it out
   if (!session.physics || rtbus::config::simulates_the_scene(*session.physics)) out.bodies = session.scene.bodies;
   return out;
 }
@@ -87,7 +92,7 @@ class Streams {
   }
 
   /// Until a signal comes.
-  void serve(const bridge::ForeignOrders* orders) {
+  void serve(const bridge::OrderCounts& orders) {
     std::uint64_t maintained_ns = 0;
     while (!tools::interrupted()) {
       const std::uint64_t now_ns = rtbus::monotonic_ns();
@@ -115,7 +120,7 @@ class Streams {
     std::uint64_t period_ns, next_ns;
   };
 
-  void publish(Stream stream, const bridge::ForeignOrders* orders) {
+  void publish(Stream stream, const bridge::OrderCounts& orders) {
     if (stream == Stream::kTf) {
       frames_.publish(nodes_, clock_);
     } else if (stream == Stream::kDiagnostics) {
@@ -125,15 +130,15 @@ class Streams {
     }
   }
 
-  [[nodiscard]] bridge::Status own_row(const bridge::ForeignOrders* orders) const {
+  [[nodiscard]] bridge::Status own_row(const bridge::OrderCounts& orders) const {
     bridge::Status row;
     row.name = "rtbus " + plan_.session.name + ": bridge";
     row.message = "running";
     std::uint64_t written = frames_.written();
     for (const bridge::HapticStreams& node : nodes_) written += node.written();
     row.values.emplace_back("written", std::to_string(written));
-    row.values.emplace_back("orders_carried_out", std::to_string(orders != nullptr ? orders->carried_out() : 0));
-    row.values.emplace_back("orders_refused", std::to_string(orders != nullptr ? orders->refused() : 0));
+    row.values.emplace_back("orders_carried_out", std::to_string(orders.carried_out));
+    row.values.emplace_back("orders_refused", std::to_string(orders.refused));
     return row;
   }
 
@@ -161,16 +166,19 @@ int serve(const BridgeCommand& command) {
   const bridge::BridgeConfig config = plan.config;
   const std::string session = plan.session.name;
   tools::keep_off_loops(rtbus::list_topics(session));  // before DDS makes its threads, which inherit it
-  auto participant = bridge::Participant::open(config.domain, config.network);
+  auto participant = bridge::Participant::open(config.domain, config.network, config.peers);
   if (!participant) return failed(participant.error());
   Streams streams(std::move(plan));
   if (auto opened = streams.open(*participant); !opened) return failed(opened.error());
-  auto orders = bridge::ForeignOrders::open(*participant, config, session);
+  bridge::OrderCounts counts;
+  auto stops = bridge::StopOrders::open(*participant, config, session, counts);
+  if (!stops) return failed(stops.error());
+  auto orders = bridge::ForeignOrders::open(*participant, config, session, counts);
   if (!orders) return failed(orders.error());
   std::printf("rtbus bridge: session %s is on DDS domain %d, network %s%s\n", session.c_str(), config.domain,
-              config.network.c_str(), *orders ? "; it takes orders" : "");
+              config.network.c_str(), config.orders.any() ? "; it takes orders" : "");
   std::fflush(stdout);
-  streams.serve(orders->get());
+  streams.serve(counts);
   return tools::kExitFine;
 }
 

@@ -32,8 +32,17 @@ void refer(Sequence& sequence, Array& array) {
 builtin_interfaces_msg_dds__Time_ RosClock::time_of(std::uint64_t monotonic_ns) {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
   if (looked_ns_ == 0 || now_ns > looked_ns_ + rtbus::kNsPerS) {
-    // Between two looks at one clock lies the look at the other: at most half of that is the error.
-    offset_ns_ = realtime_ns() - static_cast<std::int64_t>(now_ns + (rtbus::monotonic_ns() - now_ns) / 2);
+    // Between two looks at one clock lies the look at the other: at most half of that is the error. The closest of
+    // three: an interruption in one would let the stamps jump.
+    std::uint64_t closest_ns = ~std::uint64_t{0};
+    for (int look = 0; look < 3; ++look) {
+      const std::uint64_t before_ns = rtbus::monotonic_ns();
+      const std::int64_t real_ns = realtime_ns();
+      const std::uint64_t between_ns = rtbus::monotonic_ns() - before_ns;
+      if (between_ns >= closest_ns) continue;
+      closest_ns = between_ns;
+      offset_ns_ = real_ns - static_cast<std::int64_t>(before_ns + between_ns / 2);
+    }
     looked_ns_ = now_ns;
   }
   const std::int64_t time_ns = static_cast<std::int64_t>(monotonic_ns) + offset_ns_;

@@ -31,13 +31,18 @@ namespace {
 using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
 Qos new_qos() { return {dds_create_qos(), &dds_delete_qos}; }
 
-/// How Cyclone DDS is to be set up. A network without multicast (lo) is searched
-/// by unicast, at the places of the first participants, and every second: others may hear nothing else.
-std::string configuration(const std::string& network) {
+/// How Cyclone DDS is to be set up. A network without multicast (lo, most VPNs) is searched by unicast, at the places
+/// of the first participants, and every second: others may hear nothing else.
+std::string configuration(const std::string& network, const std::vector<std::string>& peers) {
   std::string out = "<General>";
+  if (!peers.empty()) out += "<AllowMulticast>false</AllowMulticast>";
   if (network != "auto") out += "<Interfaces><NetworkInterface name=\"" + network + "\"/></Interfaces>";
   out += "</General><Discovery><SPDPInterval>1s</SPDPInterval>";
-  if (network == "lo") out += "<Peers><Peer address=\"127.0.0.1\"/></Peers>";
+  out += "<Peers>";
+  if (network == "lo") out += "<Peer address=\"127.0.0.1\"/>";
+  for (const std::string& peer : peers) out += "<Peer address=\"" + peer + "\"/>";
+  out += "</Peers>";
+  if (!peers.empty()) out += "<ParticipantIndex>auto</ParticipantIndex>";
   return out + "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex></Discovery>";
 }
 
@@ -49,9 +54,10 @@ bool DdsWriter::write(const void* message) noexcept {
   return true;
 }
 
-rtbus::Result<Participant, std::string> Participant::open(int domain, const std::string& network) {
+rtbus::Result<Participant, std::string> Participant::open(int domain, const std::string& network,
+                                                          const std::vector<std::string>& peers) {
   const auto id = static_cast<dds_domainid_t>(domain);
-  const dds_entity_t made = dds_create_domain(id, configuration(network).c_str());
+  const dds_entity_t made = dds_create_domain(id, configuration(network, peers).c_str());
   const dds_entity_t participant = made < 0 ? made : dds_create_participant(id, nullptr, nullptr);
   if (participant < 0) {
     if (made >= 0) dds_delete(made);
@@ -93,14 +99,14 @@ rtbus::Result<DdsWriter, std::string> Participant::writer(const std::string& nam
 }
 
 rtbus::Result<DdsReader, std::string> Participant::reader(const std::string& name, const MessageType& type,
-                                                          bool reliable) {
+                                                          bool reliable, int depth) {
   const dds_entity_t to = topic(name, type);
   const Qos qos = new_qos();
   dds_qset_reliability(qos.get(), reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, DDS_MSECS(10));
-  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, static_cast<std::int32_t>(DdsReader::kAtOnce));
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
   const dds_entity_t made = to < 0 ? to : dds_create_reader(participant_, to, qos.get(), nullptr);
   if (made < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(made)};
-  return DdsReader(made);
+  return DdsReader(made, depth);
 }
 
 }  // namespace bridge

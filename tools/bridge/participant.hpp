@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rtbus/result.hpp"
 
@@ -48,29 +49,35 @@ class DdsReader {
   /// messages.
   template <class Message, class Take>
   void drain(const Take& take) {
-    void* samples[kAtOnce] = {};
-    dds_sample_info_t infos[kAtOnce];
-    const dds_return_t count = dds_take(reader_, samples, infos, kAtOnce, kAtOnce);
-    for (dds_return_t i = 0; i < count; ++i) {
-      if (infos[i].valid_data) take(*static_cast<const Message*>(samples[i]), infos[i].publication_handle);
+    for (int more = depth_; more > 0; more -= static_cast<int>(kAtOnce)) {
+      void* samples[kAtOnce] = {};
+      dds_sample_info_t infos[kAtOnce];
+      const dds_return_t count = dds_take(reader_, samples, infos, kAtOnce, kAtOnce);
+      for (dds_return_t i = 0; i < count; ++i) {
+        if (infos[i].valid_data) take(*static_cast<const Message*>(samples[i]), infos[i].publication_handle);
+      }
+      if (count > 0) dds_return_loan(reader_, samples, count);
+      if (count < static_cast<dds_return_t>(kAtOnce)) return;
     }
-    if (count > 0) dds_return_loan(reader_, samples, count);
   }
 
   [[nodiscard]] dds_entity_t entity() const noexcept { return reader_; }
 
  private:
   friend class Participant;
-  explicit DdsReader(dds_entity_t reader) : reader_(reader) {}
-  static constexpr std::uint32_t kAtOnce = 16;  ///< As many as the reader keeps.
+  DdsReader(dds_entity_t reader, int depth) : reader_(reader), depth_(depth) {}
+  static constexpr std::uint32_t kAtOnce = 16;
   dds_entity_t reader_;
+  int depth_;  ///< As many as the reader keeps.
 };
 
 class Participant {
  public:
-  /// @param network Interface; "auto": Cyclone DDS chooses. The error is a sentence for the user.
+  /// @param network Interface; "auto": Cyclone DDS chooses. @param peers Hosts that are asked one by one; with any of
+  /// them no multicast is used. The error is a sentence for the user.
   /// The threads of Cyclone DDS inherit the CPUs of the calling thread.
-  [[nodiscard]] static rtbus::Result<Participant, std::string> open(int domain, const std::string& network);
+  [[nodiscard]] static rtbus::Result<Participant, std::string> open(int domain, const std::string& network,
+                                                                    const std::vector<std::string>& peers = {});
   ~Participant();
   Participant(Participant&& other) noexcept;
   Participant& operator=(Participant&&) = delete;
@@ -78,9 +85,9 @@ class Participant {
   /// @param topic "/haptic0/pose". The errors are sentences for the user.
   [[nodiscard]] rtbus::Result<DdsWriter, std::string> writer(const std::string& topic, const MessageType& type,
                                                              const WriterQos& qos);
-  /// Keeps the last 16.
+  /// Keeps the last `depth` of all writers together.
   [[nodiscard]] rtbus::Result<DdsReader, std::string> reader(const std::string& topic, const MessageType& type,
-                                                             bool reliable = true);
+                                                             bool reliable = true, int depth = 16);
   [[nodiscard]] dds_entity_t entity() const noexcept { return participant_; }
 
  private:

@@ -97,4 +97,18 @@ TEST(BridgeFrames, OurWorldStandsUprightInThatOfRep103) {
   EXPECT_TRUE(is(turn * Eigen::Vector3d::UnitX(), 0, -1, 0)) << "to the right";
 }
 
+TEST(BridgeConfig, ExtraForceIsOrderedWhereTheHapticEntryAllowsIt) {
+  const BridgeConfig config = wall({"bridge.orders.extra_wrench.timeout_s=0.3", "bridge.orders.clutch.timeout_s=0.4",
+                                    "haptic.0.extra_force_max_n=1"});
+  EXPECT_EQ(config.orders.takes_extra_force, std::vector<std::string>{"haptic0"});
+  EXPECT_EQ(config.orders.extra_wrench_timeout_s, 0.3);
+  EXPECT_EQ(config.orders.clutch, std::vector<std::string>{"haptic0"});
+  EXPECT_EQ(config.orders.clutch_timeout_s, 0.4);
+  EXPECT_TRUE(config.orders.any());
+}
+
+TEST(BridgeConfig, NamesPeersWhereThereIsNoMulticast) {
+  EXPECT_EQ(wall({"bridge.peers=[192.168.7.2, lab-pc]"}).peers, (std::vector<std::string>{"192.168.7.2", "lab-pc"}));
+}
+
 }  // namespace

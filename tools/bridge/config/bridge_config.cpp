@@ -9,7 +9,8 @@ namespace {
 
 using rtbus::config::Map;
 
-constexpr std::size_t kLongestName = 200;  // ROS 2 allows 247, with our prefixes
+constexpr rtbus::config::Range kHoldTimeout_s{0.05, 1.0};  // a node holds neither for longer
+constexpr std::size_t kLongestName = 200;                  // ROS 2 allows 247, with our prefixes
 
 /// A name by ROS 2's rules: tokens of letters, digits and '_', none beginning with a digit, joined by single slashes.
 bool valid_name(std::string_view name) {
@@ -124,6 +125,21 @@ OrdersConfig read_orders(Map& map, const std::vector<haptic::HapticConfig>& hapt
     out.marks_per_s = mark->number("per_s", {0.1, 100.0}, 5.0);
     mark->finish();
   }
+  if (std::optional<Map> clutch = orders->optional_map("clutch")) {
+    out.clutch_timeout_s = clutch->number("timeout_s", kHoldTimeout_s, 0.5);
+    for (const haptic::HapticConfig& node : haptic) out.clutch.push_back(node.name);
+    clutch->finish();
+  }
+  if (std::optional<Map> wrench = orders->optional_map("extra_wrench")) {
+    out.extra_wrench_timeout_s = wrench->number("timeout_s", kHoldTimeout_s, 0.2);
+    for (const haptic::HapticConfig& node : haptic) {
+      if (node.extra_force_max_n > 0.0) out.takes_extra_force.push_back(node.name);
+    }
+    if (out.takes_extra_force.empty()) {
+      orders->fail("extra_wrench", "needs a haptic entry that allows it; write extra_force_max_n: 1 there");
+    }
+    wrench->finish();
+  }
   for (Map& entry : orders->list_of_maps("adjust")) {
     AdjustOrder order = read_adjust(entry, haptic);
     for (const AdjustOrder& other : out.adjust) {
@@ -159,6 +175,13 @@ BridgeConfig read_bridge_config(rtbus::config::SessionConfig& session,
   });
   if (out.network.empty() || out.network.size() > 15 || !plain) {
     map.fail("network", "is no name of a network interface; `ip link` lists them; lo: this machine alone");
+  }
+  out.peers = map.texts("peers");
+  for (const std::string& peer : out.peers) {
+    const bool host = !peer.empty() && peer.size() <= 253 && std::all_of(peer.begin(), peer.end(), [](char c) {
+      return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '.' || c == ':';
+    });
+    if (!host) map.fail("peers", "holds '" + peer + "', which is no host; write names or addresses: [192.168.7.2]");
   }
   out.space = read_namespace(map);
   out.streams = read_streams(map);

@@ -63,20 +63,25 @@ struct AdjustOrder {
 };
 
 struct OrdersConfig {
-  std::optional<double> estop_timeout_s;   ///< None: no topic.
-  std::optional<double> enable_timeout_s;  ///< Likewise.
-  std::optional<double> marks_per_s;       ///< Likewise.
+  std::optional<double> estop_timeout_s;               ///< None: no topic.
+  std::optional<double> enable_timeout_s;              ///< Likewise.
+  std::optional<double> marks_per_s;                   ///< Likewise.
+  std::optional<double> clutch_timeout_s;              ///< Likewise; of all haptic nodes.
+  std::optional<double> extra_wrench_timeout_s;        ///< Likewise …
+  std::vector<std::string> clutch, takes_extra_force;  ///< … of these haptic nodes.
   std::vector<AdjustOrder> adjust;
 
   [[nodiscard]] bool any() const noexcept {
-    return estop_timeout_s || enable_timeout_s || marks_per_s || !adjust.empty();
+    return estop_timeout_s || enable_timeout_s || marks_per_s || clutch_timeout_s || extra_wrench_timeout_s ||
+           !adjust.empty();
   }
 };
 
 struct BridgeConfig {
-  int domain = 0;              ///< ROS_DOMAIN_ID.
-  std::string network = "lo";  ///< Interface; "auto": Cyclone DDS chooses.
-  std::string space;           ///< "/lab", before all names that are not absolute; or empty.
+  int domain = 0;                  ///< ROS_DOMAIN_ID.
+  std::string network = "lo";      ///< Interface; "auto": Cyclone DDS chooses.
+  std::vector<std::string> peers;  ///< Hosts that are asked one by one, where there is no multicast.
+  std::string space;               ///< "/lab", before all names that are not absolute; or empty.
   std::array<StreamConfig, kStreams> streams;
   OrdersConfig orders;
 

@@ -39,10 +39,12 @@ int end_haptic_nodes(const std::string& session) {
 
 }  // namespace
 
-rtbus::Result<std::string, std::string> emergency_stop(const std::string& session, const std::string& reason) {
+rtbus::Result<std::string, std::string> emergency_stop(const std::string& session, const std::string& reason,
+                                                       const std::string& source) {
   const OnTime on_time;
   nlohmann::json order{{"order", "estop"}};
   if (!reason.empty()) order["reason"] = reason;
+  if (!source.empty()) order["source"] = source;
   const auto reply = send_order(session, order);
   if (reply && reply->value("ok", false)) {
     return std::string("E-stop: zero force until it is re-armed (`rtbus estop --rearm`)");
