@@ -91,6 +91,10 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config, st
     node->topics_->device_states.push_back(
         std::make_unique<rtbus::Subscription<rtbus::DeviceState>>(settings.session, proxy.device + ".device_state"));
   }
+  if (!rtbus::config::bodies_that_orders_move(settings.scene).empty()) {
+    node->topics_->body_orders =
+        std::make_unique<rtbus::Subscription<rtbus::BodyOrders>>(settings.session, "physics.body_orders");
+  }
   return node;
 }
 
@@ -147,6 +151,10 @@ std::string Node::left_out() const {
 bool Node::read_devices() noexcept {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
   bool first_is_fresh = false;
+  if (topics_->body_orders) {
+    (void)topics_->body_orders->read_latest(body_orders_);
+    stepper_->set_body_orders(body_orders_.value, now_ns);
+  }
   for (std::size_t i = 0; i < heard_ns_.size(); ++i) {
     rtbus::Stamped<rtbus::DeviceState> sample;
     const bool fresh = topics_->pipes.empty()

@@ -94,6 +94,7 @@ class Node {
   std::unique_ptr<PosePublisher> poses_;           // null: nothing in this scene moves
   std::unique_ptr<SoftNodePublisher> soft_nodes_;  // null: nothing in this scene is soft
   std::vector<std::uint64_t> heard_ns_;  // when each device last published; 0: never, or silence already noticed
+  rtbus::Stamped<rtbus::BodyOrders> body_orders_{};
 
   // Written by the step thread, read by the beat thread.
   rtbus::Histogram step_time_ns_;

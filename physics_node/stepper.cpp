@@ -151,6 +151,25 @@ void Stepper::contact_points(std::size_t proxy, rtbus::ContactPoints& out) {
   fill_points(contacts_, out);
 }
 
+void Stepper::set_body_orders(const rtbus::BodyOrders& orders, std::uint64_t now_ns) {
+  for (std::size_t i = 0; i < std::min<std::size_t>(orders.count, rtbus::BodyOrders::kBodies); ++i) {
+    if (orders.body[i] >= world_->bodies()) continue;
+    BodyTarget target;
+    const rtbus::Quat& q = orders.orientation_wxyz[i];
+    const Eigen::Quaterniond q_WB(q[0], q[1], q[2], q[3]);
+    const auto order = static_cast<rtbus::BodyOrder>(orders.order[i]);
+    if (now_ns < orders.until_ns[i] && order == rtbus::BodyOrder::kTwist) {
+      target.kind = BodyTarget::Kind::kTwist;
+      target.velocity_m_s = vector_of(orders.velocity_m_s[i]);
+      target.angular_velocity_rad_s = vector_of(orders.angular_velocity_rad_s[i]);
+    } else if (now_ns < orders.until_ns[i] && order == rtbus::BodyOrder::kPose && q_WB.norm() > 0.5) {
+      target.kind = BodyTarget::Kind::kPose;
+      target.pose = {vector_of(orders.position_m[i]), q_WB.normalized()};
+    }
+    world_->set_body_target(orders.body[i], target);
+  }
+}
+
 void Stepper::step(double dt_s, int substeps) {
   const double h = dt_s / substeps;
   for (std::size_t i = 0; i < links_.size(); ++i) {

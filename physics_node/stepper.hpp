@@ -11,6 +11,7 @@
 #include "physics_node/node_config.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/order_messages.hpp"
 
 namespace physics {
 
@@ -39,6 +40,9 @@ class Stepper {
   ///    the proxy: it is put onto the target at rest, so whatever begins then begins at zero stored energy.
   ///  - A state with a value that is not finite, or a scale ≤ 0, is ignored and counted.
   void set_device(std::size_t proxy, const rtbus::DeviceState& device, std::uint64_t sequence);
+
+  /// What orders say of bodies with `motion: target`; those whose time is over stay where they are.
+  void set_body_orders(const rtbus::BodyOrders& orders, std::uint64_t now_ns);
 
   /// The device has not published for long: its proxy is released (World::release_proxy). Its next state is a new
   /// start.

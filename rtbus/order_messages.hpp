@@ -41,4 +41,37 @@ struct SampleTraits<Orders> {
 };
 static_assert(sizeof(Orders) == 176 && Sample<Orders>);
 
+/// What becomes of a kinematic body.
+enum class BodyOrder : std::uint32_t { kStay = 0, kPose = 1, kTwist = 2 };
+
+/// `physics.body_orders`, written by `rtbus run` alone, in a scene with bodies that orders move: with every order, and
+/// once a second. The newest sample is the whole state.
+struct BodyOrders {
+  static constexpr std::size_t kBodies = 8;
+  std::uint64_t orders = 0;  ///< Since the session began.
+  std::uint32_t count = 0;   ///< Rows in use.
+  std::uint32_t reserved = 0;
+  std::array<std::uint32_t, kBodies> body{};      ///< In the scene's order.
+  std::array<std::uint32_t, kBodies> order{};     ///< BodyOrder.
+  std::array<std::uint64_t, kBodies> until_ns{};  ///< Then it stays where it is (CLOCK_MONOTONIC); as in Orders.
+  std::array<Vec3, kBodies> position_m{};         ///< p_WB to go to.
+  std::array<Quat, kBodies> orientation_wxyz{};
+  std::array<Vec3, kBodies> velocity_m_s{};  ///< v_WB to move at.
+  std::array<Vec3, kBodies> angular_velocity_rad_s{};
+};
+
+template <>
+struct SampleTraits<BodyOrders> {
+  static constexpr std::string_view kName = "rtbus/BodyOrders";
+  using T = BodyOrders;
+  static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
+  static constexpr std::array kFields{
+      RTBUS_FIELD(T, orders, "1"),         RTBUS_FIELD(T, count, "1"),
+      RTBUS_FIELD(T, reserved, "1"),       RTBUS_FIELD(T, body, "1"),
+      RTBUS_FIELD(T, order, "1"),          RTBUS_FIELD(T, until_ns, "ns"),
+      RTBUS_FIELD(T, position_m, "m"),     RTBUS_FIELD(T, orientation_wxyz, "1"),
+      RTBUS_FIELD(T, velocity_m_s, "m/s"), RTBUS_FIELD(T, angular_velocity_rad_s, "rad/s")};
+};
+static_assert(sizeof(BodyOrders) == 976 && Sample<BodyOrders>);
+
 }  // namespace rtbus

@@ -90,7 +90,7 @@ constexpr std::array<Rules, sizeof...(T)> rules_for() noexcept {
 }
 constexpr auto kRules =
     rules_for<DeviceState, ProxyState, Heartbeat, NodeInfo, LoopStats, Telemetry, StepStats, BodyPoses, SoftNodes,
-              PlantCommand, PlantState, ProxyContacts, LinkStats, Orders, ContactPoints, BodyShapes>();
+              PlantCommand, PlantState, ProxyContacts, LinkStats, Orders, BodyOrders, ContactPoints, BodyShapes>();
 
 }  // namespace
 
@@ -241,6 +241,15 @@ bool SampleTraits<Orders>::sane(const T& s, std::uint64_t stamp_ns) noexcept {
          within(s.damping_n_s_per_m, kForce_n) && s.estop <= 1 && printable(s.reason) &&
          within(s.extra_force_n, kForce_n) && s.extra_force_until_ns <= stamp_ns + T::kLongestHold_ns &&
          s.clutched_until_ns <= stamp_ns + T::kLongestHold_ns;
+}
+
+bool SampleTraits<BodyOrders>::sane(const T& s, std::uint64_t stamp_ns) noexcept {
+  return counted(s.orders) && s.count <= T::kBodies && all_below(s.body, kMostBodies, s.count) &&
+         all_below(s.order, 3, s.count) && within(s.position_m, kPosition_m, s.count) &&
+         within(s.orientation_wxyz, kUnit, s.count) && within(s.velocity_m_s, kVelocity_m_s, s.count) &&
+         within(s.angular_velocity_rad_s, kVelocity_m_s, s.count) &&
+         std::all_of(s.until_ns.begin(), s.until_ns.end(),
+                     [&](std::uint64_t until_ns) { return until_ns <= stamp_ns + Orders::kLongestHold_ns; });
 }
 
 }  // namespace rtbus

@@ -115,7 +115,7 @@ void BulletWorld::add_body(const config::Body& body, std::shared_ptr<MadeShape> 
   // left to bounce. A body that bounces is therefore solved from touching on.
   if (body.motion) {
     rigid->setCollisionFlags(rigid->getCollisionFlags() | btCollisionObject::CF_KINEMATIC_OBJECT);
-    moving_.push_back({rigid.get(), body});
+    moving_.push_back({rigid.get(), body, config::pose_at(*body.motion, body.p_WB, body.q_WB, 0.0)});
   }
   rigid->setUserIndex(static_cast<int>(bodies_.size()));
   if (moves && body.restitution > 0.0) rigid->setContactProcessingThreshold(0);
@@ -210,13 +210,34 @@ btTransform BulletWorld::pose_of(int index, const rtbus::config::PlacedAt& at) c
   return btTransform(to_bullet(at.q_WB), to_bullet(centre_m, scale_));
 }
 
+void BulletWorld::set_body_target(std::size_t index, const BodyTarget& target) {
+  for (MovingBody& each : moving_) {
+    if (each.rigid->getUserIndex() == static_cast<int>(index)) each.target = target;
+  }
+}
+
+rtbus::config::PlacedAt BulletWorld::MovingBody::after(double time_s, double step_s) const {
+  const auto* const ordered = std::get_if<rtbus::config::TargetMotion>(&*body.motion);
+  if (ordered == nullptr) return rtbus::config::pose_at(*body.motion, body.p_WB, body.q_WB, time_s + step_s);
+  rtbus::config::PlacedAt wanted = now;
+  if (target.kind == BodyTarget::Kind::kPose) {
+    wanted = {target.pose.position_m, target.pose.orientation};
+  } else if (target.kind == BodyTarget::Kind::kTwist) {
+    wanted.p_WB += step_s * target.velocity_m_s;
+    if (const double rate = target.angular_velocity_rad_s.norm(); rate > 0.0) {
+      const double angle = std::min(rate * step_s, 1.0);  // above, step_toward() would take the other way round
+      wanted.q_WB = Eigen::AngleAxisd(angle, target.angular_velocity_rad_s / rate) * now.q_WB;
+    }
+  }
+  return rtbus::config::step_toward(*ordered, body.p_WB, now, wanted, step_s);
+}
+
 /// Bullet takes the velocity of a kinematic body to be the way from its interpolation transform to its world transform,
 /// and looks for contacts at the latter. The latter is therefore the pose at the start of the step, and the former lies
 /// as far behind it as the step goes ahead.
 void BulletWorld::place_moving(double h) {
   for (const MovingBody& each : moving_) {
-    const auto now = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_);
-    const auto next = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_ + h);
+    const rtbus::config::PlacedAt now = each.now, next = each.after(time_s_, h);
     const btTransform at_now = pose_of(each.rigid->getUserIndex(), now);
     const bool moves = (next.p_WB - now.p_WB).squaredNorm() > 0.0 || next.q_WB.coeffs() != now.q_WB.coeffs();
     const btTransform behind = moves
@@ -272,12 +293,12 @@ void BulletWorld::step(double step_s) {
   before_dynamics(h);
   world_->stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
   after_dynamics(h);
+  for (MovingBody& each : moving_) {
+    each.now = each.after(time_s_, h);
+    each.rigid->setWorldTransform(pose_of(each.rigid->getUserIndex(), each.now));
+  }
   time_s_ += h;
   step_s_ = h;
-  for (const MovingBody& each : moving_) {
-    const auto at = rtbus::config::pose_at(*each.body.motion, each.body.p_WB, each.body.q_WB, time_s_);
-    each.rigid->setWorldTransform(pose_of(each.rigid->getUserIndex(), at));
-  }
   for (const auto& proxy : proxies_) {
     if (proxy->released() || proxy->placed()) continue;
     proxy->after_step(h, [this, &proxy] { return contacts_of(proxy->body()); });

@@ -49,6 +49,7 @@ class BulletWorld : public World {
   void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s) override;
   void apply_hand_force(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
                         const Eigen::Vector3d& torque_n_m) override;
+  void set_body_target(std::size_t body, const BodyTarget& target) override;
   void set_proxy_target(std::size_t proxy, const ProxyTarget& target) override;
   void step(double step_s) override;
   [[nodiscard]] ProxyReadout proxy(std::size_t proxy) const override;
@@ -90,6 +91,9 @@ class BulletWorld : public World {
   struct MovingBody {
     btRigidBody* rigid;
     rtbus::config::Body body;
+    rtbus::config::PlacedAt now{};  ///< At the start of the step, then at its end.
+    BodyTarget target{};            ///< Of `motion: target`.
+    [[nodiscard]] rtbus::config::PlacedAt after(double time_s, double step_s) const;
   };
   void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
   /// As of the last step.

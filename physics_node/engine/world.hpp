@@ -52,6 +52,15 @@ struct BodyPose {
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
 };
 
+/// What a kinematic body with `motion: target` is to do.
+struct BodyTarget {
+  enum class Kind : std::uint8_t { kStay, kPose, kTwist };
+  Kind kind = Kind::kStay;
+  BodyPose pose;                                           ///< X_WB to go to …
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();  ///< … or v_WB to move at.
+  Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
+};
+
 /// A simulated world. Made by an engine's factory from a checked scene.
 class World {
  public:
@@ -79,6 +88,10 @@ class World {
 
   /// The spring is integrated implicitly together with the contacts: any stiffness and step stay stable.
   virtual void set_proxy_target(std::size_t proxy, const ProxyTarget& target) = 0;
+
+  /// Holds until the next call. Within the speeds and the reach of its motion, so that no order makes it jump. Without
+  /// effect on other bodies.
+  virtual void set_body_target(std::size_t body, const BodyTarget& target);
 
   /// Advances the world by `step_s` > 0 seconds as one step.
   virtual void step(double step_s) = 0;
@@ -114,6 +127,7 @@ class World {
   [[nodiscard]] virtual std::vector<std::string> warnings(double longest_step_s) const = 0;
 };
 
+inline void World::set_body_target(std::size_t, const BodyTarget&) {}
 inline Eigen::Vector3d World::soft_node(std::size_t) const { return Eigen::Vector3d::Zero(); }
 
 }  // namespace physics

@@ -38,7 +38,7 @@ std::vector<KnownType> all_known() {
 const std::vector<KnownType>& known_types() {
   static const std::vector<KnownType> types =
       all_known<DeviceState, ProxyState, Heartbeat, NodeInfo, LoopStats, Telemetry, StepStats, BodyPoses, SoftNodes,
-                PlantCommand, PlantState, ProxyContacts, ContactPoints, LinkStats, Orders, BodyShapes>();
+                PlantCommand, PlantState, ProxyContacts, ContactPoints, LinkStats, Orders, BodyOrders, BodyShapes>();
   return types;
 }
 

@@ -33,7 +33,27 @@ PlacedAt place(const SpinMotion& motion, const Vector3d& p, const Eigen::Quatern
   return {p, (Eigen::AngleAxisd(std::fmod(angle, 2.0 * std::numbers::pi), motion.axis) * q).normalized()};
 }
 
+PlacedAt place(const TargetMotion&, const Vector3d& p, const Eigen::Quaterniond& q, double) { return {p, q}; }
+
+Vector3d shortened(const Vector3d& v, double most) {
+  const double norm = v.norm();
+  return norm <= most ? v : Vector3d(v * (most / norm));
+}
+
 }  // namespace
+
+PlacedAt step_toward(const TargetMotion& motion, const Vector3d& home_m, const PlacedAt& now, const PlacedAt& target,
+                     double step_s) {
+  const Vector3d wanted_m = home_m + shortened(target.p_WB - home_m, motion.reach_m);
+  const Eigen::AngleAxisd turn(now.q_WB.angularDistance(target.q_WB) > 0.0
+                                   ? Eigen::Quaterniond(target.q_WB * now.q_WB.conjugate())
+                                   : Eigen::Quaterniond::Identity());
+  // The short way round.
+  const double angle = turn.angle() > std::numbers::pi ? turn.angle() - 2.0 * std::numbers::pi : turn.angle();
+  const double most = motion.max_rate_rad_s * step_s;
+  return {now.p_WB + shortened(wanted_m - now.p_WB, motion.max_speed_m_s * step_s),
+          (Eigen::AngleAxisd(std::clamp(angle, -most, most), turn.axis()) * now.q_WB).normalized()};
+}
 
 PlacedAt pose_at(const BodyMotion& motion, const Vector3d& p_WB, const Eigen::Quaterniond& q_WB, double t_s) {
   return std::visit([&](const auto& each) { return place(each, p_WB, q_WB, t_s); }, motion);

@@ -1,7 +1,7 @@
 #pragma once
 /// @file body_motion.hpp
-/// How a kinematic body moves: by the clock of the simulation, whatever pushes against it. Every motion starts from
-/// rest at the body's pose.
+/// How a kinematic body moves: by the clock of the simulation, or by orders, whatever pushes against it. Every motion
+/// starts from rest at the body's pose.
 #include <string_view>
 #include <variant>
 #include <vector>
@@ -36,15 +36,26 @@ struct SpinMotion {
   double start_s = 0.0;
 };
 
-using BodyMotion = std::variant<SinusoidMotion, WaypointMotion, SpinMotion>;
+/// Where orders send it (docs/orders.md); without one it stays where it is.
+struct TargetMotion {
+  double max_speed_m_s = 0.1, max_rate_rad_s = 1.0;
+  double reach_m = 0.1;  ///< Farthest from position_m.
+};
 
-/// Where a body is that started at (p, q).
+using BodyMotion = std::variant<SinusoidMotion, WaypointMotion, SpinMotion, TargetMotion>;
+
+/// A pose X_WB.
 struct PlacedAt {
   Eigen::Vector3d p_WB = Eigen::Vector3d::Zero();
   Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();
 };
+/// Where a body is that started at (p, q); of a TargetMotion, where it waits for orders.
 [[nodiscard]] PlacedAt pose_at(const BodyMotion& motion, const Eigen::Vector3d& p_WB, const Eigen::Quaterniond& q_WB,
                                double t_s);
+
+/// One step of `step_s` from `now` toward `target`, within the speeds and the reach around `home_m`.
+[[nodiscard]] PlacedAt step_toward(const TargetMotion& motion, const Eigen::Vector3d& home_m, const PlacedAt& now,
+                                   const PlacedAt& target, double step_s);
 
 /// Faster surfaces are a slip of units: no hand could follow.
 inline constexpr double kMaxBodySpeed_m_s = 5.0;

@@ -71,11 +71,20 @@ BodyMotion read_spin(Map& map, const Vector3d&) {
   return out;
 }
 
+BodyMotion read_target(Map& map, const Vector3d&) {
+  TargetMotion out;
+  out.max_speed_m_s = map.number("max_speed_m_s", {1e-4, kMaxBodySpeed_m_s}, out.max_speed_m_s);
+  out.max_rate_rad_s = map.number("max_rate_rad_s", {0.0, 50.0}, out.max_rate_rad_s);
+  out.reach_m = map.number("reach_m", {0.0, 100.0}, out.reach_m);
+  return out;
+}
+
 struct MotionEntry {
   std::string_view name;
   BodyMotion (*read)(Map& keys, const Vector3d& p_WB);
 };
-constexpr MotionEntry kMotions[] = {{"sinusoid", read_sinusoid}, {"waypoints", read_waypoints}, {"spin", read_spin}};
+constexpr MotionEntry kMotions[] = {
+    {"sinusoid", read_sinusoid}, {"waypoints", read_waypoints}, {"spin", read_spin}, {"target", read_target}};
 
 }  // namespace
 

@@ -216,4 +216,13 @@ Scene read_scene(Map& map) {
   return scene;
 }
 
+std::vector<std::size_t> bodies_that_orders_move(const Scene& scene) {
+  std::vector<std::size_t> out;
+  for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
+    const auto& motion = scene.bodies[i].motion;
+    if (motion && std::holds_alternative<TargetMotion>(*motion)) out.push_back(i);
+  }
+  return out;
+}
+
 }  // namespace rtbus::config

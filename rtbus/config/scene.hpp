@@ -70,4 +70,7 @@ struct Scene {
 /// Reads a scene from its map and finishes the map. Throws Error.
 [[nodiscard]] Scene read_scene(Map& map);
 
+/// Bodies with `motion: target`, as indices into Scene::bodies.
+[[nodiscard]] std::vector<std::size_t> bodies_that_orders_move(const Scene& scene);
+
 }  // namespace rtbus::config

@@ -61,6 +61,19 @@ Bytes number(double value) {
   return out;
 }
 
+/// Header without a stamp, then the numbers.
+Bytes stamped(const std::string& frame, std::initializer_list<double> values) {
+  Bytes out{0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, static_cast<std::uint8_t>(frame.size() + 1), 0, 0, 0};
+  out.insert(out.end(), frame.begin(), frame.end());
+  out.push_back(0);
+  while ((out.size() - 4) % 8 != 0) out.push_back(0);
+  for (const double each : values) {
+    const Bytes bytes = number(each);
+    out.insert(out.end(), bytes.begin() + 4, bytes.end());
+  }
+  return out;
+}
+
 class BridgeSession : public testing::Test {
  protected:
   void SetUp() override { bus_.name = "bridge" + std::to_string(getpid()) + "_" + std::to_string(++runs_); }
@@ -69,11 +82,11 @@ class BridgeSession : public testing::Test {
     EXPECT_EQ(tests::segments_of(bus_.name), std::vector<std::string>{});
   }
 
-  /// `rtbus run` of the wall, a hand at rest on it.
-  void start(const std::vector<std::string>& assignments) {
+  /// `rtbus run` of a session of config/; of the wall, with a hand at rest on it.
+  void start(const std::vector<std::string>& assignments, const std::string& session = "wall") {
     std::vector<std::string> words{std::string(RTBUS_BINARY_DIR) + "/rtbus",
                                    "run",
-                                   std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml",
+                                   std::string(RTBUS_SOURCE_DIR) + "/config/" + session + ".yaml",
                                    "--no-bare-loop",
                                    "--no-plots",
                                    "--report",
@@ -354,15 +367,7 @@ TEST_F(BridgeSession, ClutchAndExtraWrenchActWhileTheyAreRepeated) {
   const std::size_t push = peer.announce("rt/haptic0/extra_wrench", "geometry_msgs::msg::dds_::WrenchStamped_");
   ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(clutch) && peer.matched(push); })) << text_of(log());
   const auto wrench = [](const std::string& frame, double x_n) {
-    Bytes out{0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, static_cast<std::uint8_t>(frame.size() + 1), 0, 0, 0};
-    out.insert(out.end(), frame.begin(), frame.end());
-    out.push_back(0);
-    while ((out.size() - 4) % 8 != 0) out.push_back(0);
-    for (const double each : {x_n, 0.0, 0.0, 0.0, 0.0, 0.0}) {
-      const Bytes bytes = number(each);
-      out.insert(out.end(), bytes.begin() + 4, bytes.end());
-    }
-    return out;
+    return stamped(frame, {x_n, 0.0, 0.0, 0.0, 0.0, 0.0});
   };
   const auto now = [&] {
     (void)follow_ticks();
@@ -381,6 +386,30 @@ TEST_F(BridgeSession, ClutchAndExtraWrenchActWhileTheyAreRepeated) {
   })) << newest_tick_.force_n[0];
   EXPECT_TRUE(beat_until(peer, clutch, boolean(true), [&] { return now().gate == 0.0; }));
   EXPECT_TRUE(eventually(30.0, [&] { return now().gate == 1.0; }));
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+TEST_F(BridgeSession, ATargetPoseMovesABodyWithinItsReach) {
+  start({"bridge.publish.pose.rate_hz=100", "bridge.orders.target=[{body: plate, timeout_s: 0.5}]",
+         "scene.bodies.1.motion={target: {max_speed_m_s: 0.2, reach_m: 0.01}}"},
+        "moving_plate");
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  FastPeer peer;
+  const std::size_t target = peer.announce("rt/body/plate/target_pose", "geometry_msgs::msg::dds_::PoseStamped_");
+  ASSERT_TRUE(eventually(30.0, [&] { return peer.matched(target); })) << text_of(log());
+  auto poses = rtbus::Reader<rtbus::BodyPoses>::open(bus_, "physics.body_poses", {.presence = true});
+  ASSERT_TRUE(poses);
+  rtbus::Stamped<rtbus::BodyPoses> newest{};
+  const auto height_m = [&] {
+    (void)poses->read_latest(newest);
+    return newest.value.position_m[1][1];
+  };
+  int beats = 0;
+  const std::initializer_list<double> pose{0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  EXPECT_TRUE(beat_until(peer, target, stamped("world", pose), [&] { return ++beats > 40; }));
+  EXPECT_EQ(height_m(), -0.01) << "numbers in the frame of REP 103 would go elsewhere";
+  EXPECT_TRUE(beat_until(peer, target, stamped("rtbus_world", pose), [&] { return height_m() > -1e-6; }));
+  EXPECT_NEAR(height_m(), 0.0, 1e-6) << "10 mm above its place, and no farther";
   EXPECT_EQ(finish(), 0) << text_of(log());
 }
 

@@ -192,4 +192,57 @@ TEST_F(Ordered, WithoutASessionSaysSo) {
   EXPECT_THAT(said(), HasSubstr("rtbus estop: "));
 }
 
+/// The plate of config/moving_plate.yaml, moved by orders.
+class OrderedPlate : public Ordered {
+ protected:
+  void start_plate() {
+    run_.emplace(
+        std::vector<std::string>{binary("rtbus"), "run", std::string(RTBUS_SOURCE_DIR) + "/config/moving_plate.yaml",
+                                 "--set", "session=" + bus_.name, "--set",
+                                 "scene.bodies.1.motion={target: {max_speed_m_s: 0.05, reach_m: 0.02}}"},
+        folder_ + "/run.txt");
+    ASSERT_TRUE(
+        tests::eventually(30.0, [&] { return order(R"({"order": "state"})").find("true") != std::string::npos; }));
+  }
+  /// Height of the plate [m]; 0: not known yet.
+  [[nodiscard]] double height_m() {
+    if (!poses_) {
+      if (auto opened = Reader<rtbus::BodyPoses>::open(bus_, "physics.body_poses", {.presence = true})) {
+        poses_.emplace(std::move(*opened));
+      }
+    }
+    if (poses_) (void)poses_->read_latest(newest_);
+    return newest_.value.position_m[1][1];
+  }
+  std::optional<Reader<rtbus::BodyPoses>> poses_;
+  Stamped<rtbus::BodyPoses> newest_{};
+};
+
+TEST_F(OrderedPlate, GoesWhereItIsSentWhileTheOrderIsRepeated) {
+  start_plate();
+  EXPECT_THAT(order(R"({"order": "target", "body": "rock", "position_m": [0, 0, 0], "for_s": 1})"),
+              HasSubstr("those are plate"));
+  EXPECT_THAT(order(R"({"order": "target", "body": "plate", "for_s": 1})"), HasSubstr("three numbers"));
+  double begin_m = 0.0;
+  ASSERT_TRUE(tests::eventually(30.0, [&] { return (begin_m = height_m()) != 0.0; }));
+  const std::string up = R"({"order": "target", "body": "plate", "velocity_m_s": [0, 0.01, 0], "for_s": 0.5})";
+  EXPECT_THAT(order(up), HasSubstr("\"ok\":true"));
+  // One order of 0.01 m/s for half a second is 5 mm at most, then it stays.
+  EXPECT_TRUE(tests::eventually(30.0, [&] { return height_m() > begin_m + 0.003; }));
+  usleep(700'000);
+  const double stopped_m = height_m();
+  EXPECT_LT(stopped_m, begin_m + 0.0055);
+  usleep(200'000);
+  EXPECT_EQ(height_m(), stopped_m);
+  // Repeated, it goes on to the end of its reach.
+  const std::string away = R"({"order": "target", "body": "plate", "position_m": [0, 1, 0], "for_s": 0.5})";
+  double highest_m = stopped_m;
+  EXPECT_TRUE(tests::eventually(30.0, [&] {
+    (void)order(away);
+    highest_m = std::max(highest_m, height_m());
+    return highest_m > stopped_m + 0.005;
+  }));
+  EXPECT_LE(highest_m, begin_m + 0.0201);
+}
+
 }  // namespace

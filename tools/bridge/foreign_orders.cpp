@@ -49,6 +49,13 @@ struct ForeignOrders::Topics {
   std::vector<Gain> gains;
   std::vector<Held<bool>> clutches;
   std::vector<Held<Force>> extra_forces;
+  struct Target {
+    std::string body;
+    DdsReader pose, twist;
+    HeldRule<nlohmann::json> rule;  ///< Of both topics: the newest counts.
+    Pace pace{kOrders_per_s};
+  };
+  std::vector<Target> targets;
 };
 
 rtbus::Result<std::unique_ptr<ForeignOrders>, std::string> ForeignOrders::open(Participant& participant,
@@ -82,6 +89,13 @@ rtbus::Result<std::unique_ptr<ForeignOrders>, std::string> ForeignOrders::open(P
       topics->extra_forces.push_back({node, *made, HeldRule<Force>(*config.orders.extra_wrench_timeout_s)});
     }
   }
+  for (const TargetOrder& order : config.orders.targets) {
+    auto pose = reader("body/" + order.body + "/target_pose", kPoseStamped);
+    auto twist = reader("body/" + order.body + "/target_twist", kTwistStamped);
+    if (pose && twist) {
+      topics->targets.push_back({order.body, *pose, *twist, HeldRule<nlohmann::json>(order.timeout_s)});
+    }
+  }
   if (!problem.empty()) return rtbus::Failure{problem};
   if (!any) return std::unique_ptr<ForeignOrders>();
   return std::unique_ptr<ForeignOrders>(new ForeignOrders(std::move(topics), session, counts));
@@ -101,6 +115,7 @@ void ForeignOrders::work() {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
     follow_clutches(now_ns);
     follow_extra_forces(now_ns);
+    follow_targets(now_ns);
     follow_adjustments(now_ns);
     follow_marks(now_ns);
     rtbus::sleep_until(now_ns + kLook_ns);
@@ -173,6 +188,33 @@ void ForeignOrders::follow_extra_forces(std::uint64_t now_ns) {
                                                                       {"node", each.node},
                                                                       {"force_n", *force_n},
                                                                       {"for_s", each.rule.holds_for_s(now_ns)}});
+    }
+  }
+}
+
+void ForeignOrders::follow_targets(std::uint64_t now_ns) {
+  for (auto& each : topics_->targets) {
+    const auto take = [&](const Header& header, const nlohmann::json& order, Author author) {
+      const std::string_view frame = header.frame_id != nullptr ? header.frame_id : "";
+      // Our own frame: numbers in that of REP 103 would go elsewhere.
+      const bool taken = frame == kWorld && each.rule.hears(order, author, now_ns) == Verdict::kOrder;
+      count(!taken);
+    };
+    each.pose.drain<PoseStamped>([&](const PoseStamped& message, Author author) {
+      const auto& [p, q] = message.pose;
+      take(message.header, {{"position_m", {p.x, p.y, p.z}}, {"orientation_wxyz", {q.w, q.x, q.y, q.z}}}, author);
+    });
+    each.twist.drain<TwistStamped>([&](const TwistStamped& message, Author author) {
+      const auto& [v, w] = message.twist;
+      take(message.header, {{"velocity_m_s", {v.x, v.y, v.z}}, {"angular_velocity_rad_s", {w.x, w.y, w.z}}}, author);
+    });
+    each.rule.end_by_silence(now_ns);
+    if (!each.pace.allows(now_ns)) continue;
+    if (auto order = each.rule.take()) {
+      (*order)["order"] = "target";
+      (*order)["body"] = each.body;
+      (*order)["for_s"] = each.rule.holds_for_s(now_ns);
+      (void)line_.send("ROS 2 topics body/" + each.body + "/target_…", *order);
     }
   }
 }

@@ -1,7 +1,8 @@
 #pragma once
 /// @file foreign_orders.hpp
-/// Gains, marks, clutch and extra force from ROS 2: read by a thread of its own, judged (order_rules.hpp), and sent to
-/// `rtbus run` like any other order (docs/orders.md). Whatever comes, the safety ladder of the loop is behind it.
+/// Gains, marks, clutch, extra force and targets of bodies from ROS 2: read by a thread of its own, judged
+/// (order_rules.hpp), and sent to `rtbus run` like any other order (docs/orders.md). Whatever comes, the safety ladder
+/// of the loop is behind it.
 #include <atomic>
 #include <memory>
 #include <string>
@@ -33,6 +34,7 @@ class ForeignOrders {
   void follow_adjustments(std::uint64_t now_ns);
   void follow_clutches(std::uint64_t now_ns);
   void follow_extra_forces(std::uint64_t now_ns);
+  void follow_targets(std::uint64_t now_ns);
   void count(bool refused);
 
   std::unique_ptr<Topics> topics_;

@@ -274,6 +274,45 @@ TEST(BulletKinematic, CarriesTheProxyAtItsSpeedWithTheForceOfTheSpring) {
   EXPECT_NEAR(highest_m, 0.02, 1e-4);
 }
 
+TEST(BulletKinematic, GoesWhereAnOrderSendsItWithinItsSpeedAndReach) {
+  rtbus::config::Scene scene;
+  scene.file = "test.yaml";
+  rtbus::config::Body plate = body("plate", rtbus::shapes::Box{{0.05, 0.01, 0.05}}, {0, -0.01, 0});
+  plate.type = rtbus::config::BodyType::kKinematic;
+  plate.motion = rtbus::config::TargetMotion{0.1, 2.0, 0.03};
+  scene.bodies.push_back(plate);
+  scene.bodies.push_back(body("floor", rtbus::shapes::Plane{}, {0, -0.5, 0}));
+  const auto world = bullet(scene, 20);
+  const auto step = [&](int steps) {
+    for (int i = 0; i < steps; ++i) world->step(1e-3);
+    return world->body_pose(0);
+  };
+  EXPECT_EQ(step(100).position_m, plate.p_WB) << "without an order it stays";
+
+  physics::BodyTarget target;
+  target.kind = physics::BodyTarget::Kind::kPose;
+  target.pose = {{0, 0.01, 0}, Eigen::Quaterniond(Eigen::AngleAxisd(-0.5, Vector3d::UnitY()))};
+  world->set_body_target(0, target);
+  world->set_body_target(1, target);
+  EXPECT_NEAR(step(100).position_m.y(), 0.0, 1e-7) << "0.1 m/s";
+  EXPECT_NEAR(world->body_pose(0).orientation.angularDistance(Eigen::Quaterniond::Identity()), 0.2, 1e-5) << "2 rad/s";
+  EXPECT_NEAR(step(500).position_m.y(), 0.01, 1e-7) << "there, and no farther";
+  EXPECT_NEAR(world->body_pose(0).orientation.angularDistance(target.pose.orientation), 0.0, 1e-5);
+  EXPECT_EQ(world->body_pose(1).position_m.y(), -0.5) << "not a body that orders move";
+
+  target.pose.position_m = {0, 5.0, 0};
+  world->set_body_target(0, target);
+  EXPECT_NEAR(step(1000).position_m.y(), -0.01 + 0.03, 1e-7) << "the reach";
+
+  target.kind = physics::BodyTarget::Kind::kTwist;
+  target.velocity_m_s = {0, -0.02, 0};
+  world->set_body_target(0, target);
+  EXPECT_NEAR(step(500).position_m.y(), 0.01, 1e-7);
+  target.kind = physics::BodyTarget::Kind::kStay;
+  world->set_body_target(0, target);
+  EXPECT_NEAR(step(500).position_m.y(), 0.01, 1e-7);
+}
+
 TEST(BulletKinematic, WakesWhatSleepsOnItAndCarriesItAlongByFriction) {
   rtbus::config::Scene scene;
   scene.file = "test.yaml";

@@ -148,5 +148,23 @@ TEST(Scene, ReadsObjFilesWithPolygonsAndCountsFromTheEnd) {
   EXPECT_TRUE(scene.static_shapes().empty()) << "direct knows neither hulls nor meshes";
 }
 
+TEST(BodyMotion, OfATargetIsWithinSpeedRateAndReach) {
+  const rtbus::config::TargetMotion motion{0.5, 1.0, 0.2};
+  const rtbus::config::PlacedAt home;
+  const auto far = step_toward(motion, home.p_WB, home, {{3, 0, 4}, Eigen::Quaterniond::Identity()}, 0.1);
+  EXPECT_NEAR((far.p_WB - Eigen::Vector3d(0.03, 0, 0.04)).norm(), 0.0, 1e-12);
+  const auto end = step_toward(motion, home.p_WB, home, {{3, 0, 4}, Eigen::Quaterniond::Identity()}, 100.0);
+  EXPECT_NEAR((end.p_WB - Eigen::Vector3d(0.12, 0, 0.16)).norm(), 0.0, 1e-12);
+  // The short way round, whatever sign the quaternion has.
+  for (const double sign : {1.0, -1.0}) {
+    Eigen::Quaterniond wanted(Eigen::AngleAxisd(-0.3, Eigen::Vector3d::UnitX()));
+    wanted.coeffs() *= sign;
+    const auto turned = step_toward(motion, home.p_WB, home, {{0, 0, 0}, wanted}, 0.1);
+    EXPECT_NEAR(turned.q_WB.angularDistance(wanted), 0.2, 1e-9) << sign;
+    EXPECT_NEAR(step_toward(motion, home.p_WB, home, {{0, 0, 0}, wanted}, 10.0).q_WB.angularDistance(wanted), 0.0,
+                1e-7);
+  }
+}
+
 }  // namespace
 }  // namespace rtbus::config

@@ -53,9 +53,10 @@ TEST(LayoutPage, GivesTheSizeOfEverySample) {
     ASSERT_EQ(row.size(), 4U) << row.front();
     told["rtbus/" + row[1]] = number(row[2]);
   }
-  EXPECT_EQ(told,
-            (sizes<DeviceState, ProxyState, Heartbeat, NodeInfo, LoopStats, Telemetry, StepStats, BodyPoses, SoftNodes,
-                   PlantCommand, PlantState, ProxyContacts, LinkStats, Orders, ContactPoints, BodyShapes>()));
+  EXPECT_EQ(
+      told,
+      (sizes<DeviceState, ProxyState, Heartbeat, NodeInfo, LoopStats, Telemetry, StepStats, BodyPoses, SoftNodes,
+             PlantCommand, PlantState, ProxyContacts, LinkStats, Orders, BodyOrders, ContactPoints, BodyShapes>()));
 }
 
 #define MEMBER(name)                                                                      \

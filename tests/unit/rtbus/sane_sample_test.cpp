@@ -22,7 +22,7 @@ template <class T>
 class SaneSample : public testing::Test {};
 using Messages =
     testing::Types<DeviceState, ProxyState, Heartbeat, NodeInfo, LoopStats, Telemetry, StepStats, BodyPoses, SoftNodes,
-                   PlantCommand, PlantState, ProxyContacts, LinkStats, Orders, ContactPoints, BodyShapes>;
+                   PlantCommand, PlantState, ProxyContacts, LinkStats, Orders, BodyOrders, ContactPoints, BodyShapes>;
 TYPED_TEST_SUITE(SaneSample, Messages);
 
 /// With every table full, so that no row is left out of the judgement.
@@ -35,6 +35,7 @@ T full() {
   }
   if constexpr (std::is_same_v<T, ContactPoints>) sample.count = kContactSlots;
   if constexpr (std::is_same_v<T, BodyPoses>) sample.count = sample.bodies = T::kBodies;
+  if constexpr (std::is_same_v<T, BodyOrders>) sample.count = T::kBodies;
   if constexpr (std::is_same_v<T, BodyShapes>) sample.count = sample.shapes = T::kShapes;
   return sample;
 }

@@ -109,7 +109,7 @@ AdjustOrder read_adjust(Map& map, const std::vector<haptic::HapticConfig>& hapti
   return out;
 }
 
-OrdersConfig read_orders(Map& map, const std::vector<haptic::HapticConfig>& haptic) {
+OrdersConfig read_orders(Map& map, const std::vector<haptic::HapticConfig>& haptic, const rtbus::config::Scene& scene) {
   OrdersConfig out;
   std::optional<Map> orders = map.optional_map("orders");
   if (!orders) return out;
@@ -146,6 +146,24 @@ OrdersConfig read_orders(Map& map, const std::vector<haptic::HapticConfig>& hapt
       if (other.key == order.key) entry.fail("key", "stands in `adjust` twice; leave one");
     }
     out.adjust.push_back(std::move(order));
+  }
+  for (Map& entry : orders->list_of_maps("target")) {
+    TargetOrder target{entry.text("body"), entry.number("timeout_s", kHoldTimeout_s, 0.5)};
+    std::string known;
+    bool found = false;
+    for (const std::size_t index : rtbus::config::bodies_that_orders_move(scene)) {
+      const std::string& name = scene.bodies[index].name;
+      known += (known.empty() ? "" : ", ") + name;
+      found = found || name == target.body;
+    }
+    if (!found) {
+      entry.fail("body", known.empty()
+                             ? "is no body that orders move; give one type: kinematic and motion: {target: {}}"
+                             : "is no body that orders move; choose one of " + known);
+    }
+    if (!valid_name(target.body)) entry.fail("body", "has no name that ROS 2 takes; use letters, digits and '_'");
+    entry.finish();
+    out.targets.push_back(std::move(target));
   }
   orders->finish();
   return out;
@@ -185,7 +203,7 @@ BridgeConfig read_bridge_config(rtbus::config::SessionConfig& session,
   }
   out.space = read_namespace(map);
   out.streams = read_streams(map);
-  out.orders = read_orders(map, haptic);
+  out.orders = read_orders(map, haptic, session.scene);
   map.finish();
   return out;
 }

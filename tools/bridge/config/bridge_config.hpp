@@ -62,6 +62,12 @@ struct AdjustOrder {
   double timeout_s = 1.0;
 };
 
+/// A body that ROS 2 may move.
+struct TargetOrder {
+  std::string body;
+  double timeout_s = 0.5;
+};
+
 struct OrdersConfig {
   std::optional<double> estop_timeout_s;               ///< None: no topic.
   std::optional<double> enable_timeout_s;              ///< Likewise.
@@ -70,10 +76,11 @@ struct OrdersConfig {
   std::optional<double> extra_wrench_timeout_s;        ///< Likewise …
   std::vector<std::string> clutch, takes_extra_force;  ///< … of these haptic nodes.
   std::vector<AdjustOrder> adjust;
+  std::vector<TargetOrder> targets;
 
   [[nodiscard]] bool any() const noexcept {
     return estop_timeout_s || enable_timeout_s || marks_per_s || clutch_timeout_s || extra_wrench_timeout_s ||
-           !adjust.empty();
+           !adjust.empty() || !targets.empty();
   }
 };
 

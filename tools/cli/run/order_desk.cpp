@@ -1,6 +1,7 @@
 #include "tools/cli/run/order_desk.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -22,6 +23,7 @@ constexpr std::uint64_t kRepeat_ns = rtbus::kNsPerS;  // the topic of a node tha
 constexpr std::uint64_t kSlice_ns = 20 * rtbus::kNsPerMs;
 constexpr std::size_t kLongestReason = 95;
 constexpr double kLongestHold_s = static_cast<double>(rtbus::Orders::kLongestHold_ns) * 1e-9;
+constexpr double kAbsurd = 1e6;  // a sample with such a number would be refused as a whole
 constexpr double kLongestWatch_s = 120.0;
 constexpr const char* kNeedsForS = " needs for_s, 0 to 1 s; whoever wants it longer repeats it";
 
@@ -55,13 +57,14 @@ std::optional<std::uint64_t> until_of(const json& order, std::uint64_t now_ns) {
   return for_s ? std::optional(now_ns + rtbus::ns_of(*for_s)) : std::nullopt;
 }
 
-/// Three numbers of the order; none where they are not there.
-std::optional<rtbus::Vec3> numbers_of(const json& order, const char* key) {
+/// So many numbers of the order; none where they are not there, or absurd.
+template <std::size_t N>
+std::optional<std::array<double, N>> numbers_of(const json& order, const char* key) {
   const auto found = order.find(key);
-  if (found == order.end() || !found->is_array() || found->size() != 3) return std::nullopt;
-  rtbus::Vec3 out;
-  for (std::size_t i = 0; i < 3; ++i) {
-    if (!(*found)[i].is_number() || !std::isfinite((*found)[i].get<double>())) return std::nullopt;
+  if (found == order.end() || !found->is_array() || found->size() != N) return std::nullopt;
+  std::array<double, N> out;
+  for (std::size_t i = 0; i < N; ++i) {
+    if (!(*found)[i].is_number() || !(std::abs((*found)[i].get<double>()) < kAbsurd)) return std::nullopt;
     out[i] = (*found)[i].get<double>();
   }
   return out;
@@ -90,6 +93,16 @@ rtbus::Result<std::unique_ptr<OrderDesk>, std::string> OrderDesk::open(const Run
     }
     desk->nodes_.push_back({&config, std::move(*writer), {}});
   }
+  if (const auto moved = rtbus::config::bodies_that_orders_move(plan.world); !moved.empty()) {
+    auto writer = rtbus::Publication<rtbus::BodyOrders>::create(plan.session, "physics.body_orders", {.capacity = 4});
+    if (!writer) {
+      return rtbus::Failure{"session " + plan.session.name +
+                            ": topic physics.body_orders: " + rtbus::to_string(writer.error())};
+    }
+    desk->bodies_topic_.emplace(std::move(*writer));
+    desk->bodies_.count = static_cast<std::uint32_t>(std::min(moved.size(), rtbus::BodyOrders::kBodies));
+    for (std::size_t i = 0; i < desk->bodies_.count; ++i) desk->bodies_.body[i] = static_cast<std::uint32_t>(moved[i]);
+  }
   auto socket =
       OrderSocket::open(plan.session.name, [self = desk.get()](const json& order) { return self->answer(order); });
   if (!socket) return rtbus::Failure{socket.error()};
@@ -101,6 +114,7 @@ rtbus::Result<std::unique_ptr<OrderDesk>, std::string> OrderDesk::open(const Run
 void OrderDesk::publish() {
   published_ns_ = rtbus::monotonic_ns();
   for (Node& node : nodes_) node.topic.publish(node.orders, published_ns_);
+  if (bodies_topic_) bodies_topic_->publish(bodies_, published_ns_);
 }
 
 bool OrderDesk::serve(std::uint64_t duration_ns) {
@@ -109,6 +123,7 @@ bool OrderDesk::serve(std::uint64_t duration_ns) {
   for (std::uint64_t now_ns = rtbus::monotonic_ns(); go_on && now_ns < end_ns; now_ns = rtbus::monotonic_ns()) {
     go_on = socket_->serve(std::min(kSlice_ns, end_ns - now_ns));
     for (Node& node : nodes_) node.topic.maintain();
+    if (bodies_topic_) bodies_topic_->maintain();
     end_leases(now_ns);
     if (now_ns >= published_ns_ + kRepeat_ns) publish();
   }
@@ -280,7 +295,7 @@ json OrderDesk::extra_force(const json& order) {
   if ((*node)->config->extra_force_max_n <= 0.0) {
     return refusal(name + " takes no force from orders; set extra_force_max_n in its haptic entry");
   }
-  const auto force_n = numbers_of(order, "force_n");
+  const auto force_n = numbers_of<3>(order, "force_n");
   if (!force_n) return refusal("extra_force needs force_n, three numbers in N along the axes of the device");
   const auto until_ns = until_of(order, rtbus::monotonic_ns());
   if (!until_ns) return refusal(std::string("extra_force") + kNeedsForS);
@@ -288,6 +303,45 @@ json OrderDesk::extra_force(const json& order) {
   (*node)->orders.extra_force_n =
       norm_n <= most_n ? *force_n : rtbus::array_of(rtbus::vector_of(*force_n) * (most_n / norm_n));
   (*node)->orders.extra_force_until_ns = *until_ns;
+  publish();
+  return state();
+}
+
+json OrderDesk::move_body(const json& order) {
+  const std::string name = text_of(order, "body");
+  std::string names;
+  std::size_t row = bodies_.count;
+  for (std::size_t i = 0; i < bodies_.count; ++i) {
+    const std::string& each = plan_.world.bodies[bodies_.body[i]].name;
+    names += (names.empty() ? "" : ", ") + each;
+    if (each == name) row = i;
+  }
+  if (row == bodies_.count) {
+    return refusal("'" + name + "' is no body that orders move; " +
+                   (names.empty() ? "give one `type: kinematic` and `motion: {target: {}}`" : "those are " + names));
+  }
+  const auto until_ns = until_of(order, rtbus::monotonic_ns());
+  if (!until_ns) return refusal(std::string("target") + kNeedsForS);
+  if (const auto position_m = numbers_of<3>(order, "position_m")) {
+    const auto& q_WB = plan_.world.bodies[bodies_.body[row]].q_WB;
+    bodies_.orientation_wxyz[row] = {q_WB.w(), q_WB.x(), q_WB.y(), q_WB.z()};
+    if (order.contains("orientation_wxyz")) {
+      const auto q = numbers_of<4>(order, "orientation_wxyz");
+      const double norm = q ? std::hypot(std::hypot((*q)[0], (*q)[1]), std::hypot((*q)[2], (*q)[3])) : 0.0;
+      if (std::abs(norm - 1.0) > 0.01) return refusal("orientation_wxyz is no unit quaternion of four numbers");
+      bodies_.orientation_wxyz[row] = *q;
+    }
+    bodies_.position_m[row] = *position_m;
+    bodies_.order[row] = static_cast<std::uint32_t>(rtbus::BodyOrder::kPose);
+  } else if (const auto velocity_m_s = numbers_of<3>(order, "velocity_m_s")) {
+    bodies_.velocity_m_s[row] = *velocity_m_s;
+    bodies_.angular_velocity_rad_s[row] = numbers_of<3>(order, "angular_velocity_rad_s").value_or(rtbus::Vec3{});
+    bodies_.order[row] = static_cast<std::uint32_t>(rtbus::BodyOrder::kTwist);
+  } else {
+    return refusal("target needs position_m or velocity_m_s, three numbers in the frame of the world");
+  }
+  bodies_.until_ns[row] = *until_ns;
+  ++bodies_.orders;
   publish();
   return state();
 }
@@ -322,12 +376,13 @@ json OrderDesk::answer(const json& order) {
   if (name == "adjust") return adjust(order);
   if (name == "clutch") return clutch(order);
   if (name == "extra_force") return extra_force(order);
+  if (name == "target") return move_body(order);
   if (name == "mark") return mark(order);
   if (name == "record") return record(order);
   if (name == "end_recording") return recording_.stop() ? state() : refusal("this session is not being recorded");
   if (name == "state") return state();
   return refusal("'" + name +
-                 "' is no order; there are estop, rearm, watch, adjust, clutch, extra_force, mark, record, "
+                 "' is no order; there are estop, rearm, watch, adjust, clutch, extra_force, target, mark, record, "
                  "end_recording and state");
 }
 

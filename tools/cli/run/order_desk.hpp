@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,7 @@ class OrderDesk {
   [[nodiscard]] nlohmann::json adjust(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json clutch(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json extra_force(const nlohmann::json& order);
+  [[nodiscard]] nlohmann::json move_body(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json record(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json mark(const nlohmann::json& order);
   [[nodiscard]] nlohmann::json state() const;
@@ -61,6 +63,8 @@ class OrderDesk {
   const RunPlan& plan_;
   RunRecording& recording_;
   std::vector<Node> nodes_;
+  std::optional<rtbus::Publication<rtbus::BodyOrders>> bodies_topic_;  ///< None where orders move no body.
+  rtbus::BodyOrders bodies_;
   std::unique_ptr<OrderSocket> socket_;
   Counts counts_;
   Holders holders_;         ///< Of the E-stop.
