@@ -1,5 +1,5 @@
-# What `cmake --install` installs, and where. Components: runtime (programs, sessions,
-# pages), bridge (to ROS 2), clib (the C interface), python, dev (libraries, headers).
+# What `cmake --install` installs, and where. Components: runtime (programs, sessions, pages), bridge (to ROS 2),
+# mujoco (an engine), clib (the C interface), python, dev (libraries, headers).
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -118,7 +118,7 @@ install(DIRECTORY docs/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/librtbu
 install(FILES docs/writing-a-driver.md docs/shared-memory-layout.md
   DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/librtbus-dev COMPONENT dev)
 
-# All that the two components install, and nothing else: no tests.
+# All that the components install, and nothing else: no tests.
 add_custom_target(installed_parts DEPENDS ${installed_targets} ${bridge} rtbus_bus rtbus_config rtbus_shapes man_pages)
 if(TARGET rtbus_c)
   add_dependencies(installed_parts rtbus_c rtbus_engine)

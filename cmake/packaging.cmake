@@ -1,4 +1,4 @@
-# Debian packages of the components: rtbus, rtbus-bridge, librtbus1, python3-rtbus and librtbus-dev. `tools/build_package` runs cpack with this.
+# Debian packages of the components: rtbus, rtbus-bridge, rtbus-mujoco, librtbus1, python3-rtbus and librtbus-dev. `tools/build_package` runs cpack with this.
 set(RTBUS_PACKAGER "rtbus developers <rtbus@localhost>" CACHE STRING "Who makes the packages: Name <address>")
 set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_GENERATOR DEB)

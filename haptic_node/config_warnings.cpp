@@ -2,30 +2,25 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 
 #include "rtbus/config/overlap.hpp"
 #include "rtbus/eigen.hpp"
+#include "rtbus/three_digits.hpp"
 
 namespace haptic {
 namespace {
 
 using Eigen::Vector3d;
+using rtbus::three_digits;
 
 /// Times the longest edge of the workspace: larger is a slip of units.
 constexpr double kDwarfs = 10.0;
 /// To cross the workspace under the device's continuous force: what takes longer is a wall to the hand.
 constexpr double kMoves_s = 1.0;
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
 std::string point(const Vector3d& p) {
-  return "[" + number(p.x()) + ", " + number(p.y()) + ", " + number(p.z()) + "] m";
+  return "[" + three_digits(p.x()) + ", " + three_digits(p.y()) + ", " + three_digits(p.z()) + "] m";
 }
 
 /// The hand's side of a session, in the world.
@@ -46,13 +41,13 @@ struct Reach {
 };
 
 std::string too_heavy(const Reach& reach, double mass_kg) {
-  return "is more than the hand moves: the device's continuous force, " + number(reach.force_n) +
-         " N in the world, needs " + number(reach.crossing_s(mass_kg)) + " s to move it across the workspace of " +
-         number(reach.longest_m) + " m; ";
+  return "is more than the hand moves: the device's continuous force, " + three_digits(reach.force_n) +
+         " N in the world, needs " + three_digits(reach.crossing_s(mass_kg)) +
+         " s to move it across the workspace of " + three_digits(reach.longest_m) + " m; ";
 }
 
 std::string too_large(const Reach& reach) {
-  return ", and the workspace in the world only " + number(reach.longest_m) + " m; ";
+  return ", and the workspace in the world only " + three_digits(reach.longest_m) + " m; ";
 }
 
 void check_tool(const HapticConfig& config, const rtbus::config::Map& proxy, const Reach& reach,
@@ -62,7 +57,7 @@ void check_tool(const HapticConfig& config, const rtbus::config::Map& proxy, con
   }
   if (2.0 * config.proxy.radius_m > reach.shortest_m) {
     out.push_back(proxy.sentence("radius_m", "makes a tool wider than the workspace, which is " +
-                                                 number(reach.shortest_m) + " m wide in the world; lower it"));
+                                                 three_digits(reach.shortest_m) + " m wide in the world; lower it"));
   }
 }
 
@@ -95,7 +90,7 @@ bool check_unit(const rtbus::config::TriangleMesh& mesh, const std::string& sour
                 const Reach& reach, std::vector<std::string>& out) {
   const double length_m = mesh.extents_m().maxCoeff();
   if (!mesh.unit_assumed || length_m <= kDwarfs * reach.longest_m) return false;
-  out.push_back(source + " (" + name + "): without metres_per_unit " + mesh.file + " is " + number(length_m) +
+  out.push_back(source + " (" + name + "): without metres_per_unit " + mesh.file + " is " + three_digits(length_m) +
                 " m long" + too_large(reach) + "write metres_per_unit: 0.001 if its numbers are millimetres");
   return true;
 }
@@ -110,12 +105,12 @@ void check_bodies(const rtbus::config::Scene& scene, const Reach& reach, std::ve
     if (mesh != nullptr && check_unit(*mesh, body.source, body.name, reach, out)) continue;
     if (body.type != rtbus::config::BodyType::kDynamic) continue;
     if (reach.crossing_s(body.mass_kg) > kMoves_s) {
-      out.push_back(body.source + " (" + body.name + "): mass_kg = " + number(body.mass_kg) + " " +
+      out.push_back(body.source + " (" + body.name + "): mass_kg = " + three_digits(body.mass_kg) + " " +
                     too_heavy(reach, body.mass_kg) + "lower it, or write type: static");
     }
     const double length_m = extents_m(body.shape).maxCoeff();
     if (length_m > kDwarfs * reach.longest_m) {
-      out.push_back(body.source + " (" + body.name + ") is " + number(length_m) + " m long" + too_large(reach) +
+      out.push_back(body.source + " (" + body.name + ") is " + three_digits(length_m) + " m long" + too_large(reach) +
                     "make it smaller, raise mapping.position_scale, or write type: static");
     }
   }
@@ -140,9 +135,10 @@ std::string damping_raised(const HapticConfig& config) {
   if (config.damping_n_s_per_m <= config.damping_requested_n_s_per_m) return "";
   // A fifth of critical, unless mass, rate and velocity filter carry less.
   const double critical_n_s_per_m = 2.0 * std::sqrt(config.stiffness_n_per_m * config.device->info().apparent_mass_kg);
-  return "requested damping " + number(config.damping_requested_n_s_per_m) + " N s/m raised to " +
-         number(config.damping_n_s_per_m) + " N s/m, " + number(100.0 * config.damping_n_s_per_m / critical_n_s_per_m) +
-         " % of critical: with less, " + config.method + " rings the tip where physics is slow";
+  return "requested damping " + three_digits(config.damping_requested_n_s_per_m) + " N s/m raised to " +
+         three_digits(config.damping_n_s_per_m) + " N s/m, " +
+         three_digits(100.0 * config.damping_n_s_per_m / critical_n_s_per_m) + " % of critical: with less, " +
+         config.method + " rings the tip where physics is slow";
 }
 
 }  // namespace haptic

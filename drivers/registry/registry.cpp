@@ -9,9 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "drivers/replay/driver_module.hpp"
 #include "drivers/simulated/simulated_config.hpp"
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 
 namespace drivers {
 namespace {
@@ -34,35 +33,34 @@ std::unique_ptr<DeviceConfig> parse_usb(std::string_view name, rtbus::config::Ma
   return driver->parse(file);
 }
 
-std::unique_ptr<DeviceConfig> parse_replay(rtbus::config::Map& file) {
-  const auto module = load_module<replay::ReplayModule>(replay::kReplayModule);
-  if (!module) file.fail("driver", module.error());
-  return (*module)->parse(file);
+/// A module with one driver and nothing besides.
+constexpr ModuleFile driver_module(const char* file, const char* remedy) {
+  return {file, kDriverModuleSymbol, kDriverAbiVersion, remedy};
 }
+constexpr ModuleFile kReplay =
+    driver_module("libdrivers_replay.so", "build with RTBUS_WITH_HDF5=ON (Debian package libhdf5-dev)");
+constexpr char kNothingOfTheMaker[] = "build it, which needs nothing of the maker: tools/build vendor_drivers";
+constexpr ModuleFile kForceDimension = driver_module("libdrivers_force_dimension.so", kNothingOfTheMaker);
+constexpr ModuleFile kOpenHaptics = driver_module("libdrivers_openhaptics.so", kNothingOfTheMaker);
+constexpr ModuleFile kHaply =
+    driver_module("libdrivers_haply.so",
+                  "build it: tools/build vendor_drivers (needs RTBUS_WITH_HAPLY=ON and the Debian package "
+                  "libwebsockets-dev)");
+constexpr std::array kMakerModules{kForceDimension, kOpenHaptics, kHaply};
 
-/// The module of a vendor's device, all of one kind.
-constexpr ModuleFile vendor_module(const char* file) {
-  return {file, kDriverModuleSymbol, kDriverAbiVersion, "build it: it needs nothing of the vendor"};
-}
-constexpr ModuleFile kForceDimension = vendor_module("libdrivers_force_dimension.so");
-constexpr ModuleFile kOpenHaptics = vendor_module("libdrivers_openhaptics.so");
-constexpr ModuleFile kHaply{"libdrivers_haply.so", kDriverModuleSymbol, kDriverAbiVersion,
-                            "build with RTBUS_WITH_HAPLY=ON (Debian package libwebsockets-dev)"};
-constexpr std::array kVendorModules{kForceDimension, kOpenHaptics, kHaply};
-
-template <const ModuleFile& module>
-std::unique_ptr<DeviceConfig> parse_vendor(rtbus::config::Map& file) {
+std::unique_ptr<DeviceConfig> parse_by(const ModuleFile& module, rtbus::config::Map& file) {
   const auto table = load_module<DriverModule>(module);
   if (!table) file.fail("driver", table.error());
   return (*table)->parse(file);
 }
+template <const ModuleFile& module>
+std::unique_ptr<DeviceConfig> parse_module(rtbus::config::Map& file) {
+  return parse_by(module, file);
+}
 
 /// A driver that was built outside this source tree.
 std::unique_ptr<DeviceConfig> parse_foreign(const std::string& module, rtbus::config::Map& file) {
-  const auto table = load_module<DriverModule>(
-      {module.c_str(), kDriverModuleSymbol, kDriverAbiVersion, "name a driver module (docs/writing-a-driver.md)"});
-  if (!table) file.fail("driver", table.error());
-  return (*table)->parse(file);
+  return parse_by(driver_module(module.c_str(), "name a driver module (docs/writing-a-driver.md)"), file);
 }
 
 /// Modules in the folders of $RTBUS_DRIVER_PATH, by the name of their driver: libNAME.so or NAME.so.
@@ -90,13 +88,12 @@ constexpr std::array kDrivers{
                 usb::kUsbModuleFile},
     DriverEntry{"phantom", "PHANToM-class arms with Teensy electronics, over USB",
                 [](rtbus::config::Map& file) { return parse_usb("phantom", file); }, usb::kUsbModuleFile},
-    DriverEntry{"replay", "The hand's motion out of a recording, no hardware", &parse_replay,
-                replay::kReplayModule.file},
+    DriverEntry{"replay", "The hand's motion out of a recording, no hardware", &parse_module<kReplay>, kReplay.file},
     DriverEntry{"force_dimension", "Force Dimension omega, delta, sigma, lambda, by the maker's SDK",
-                &parse_vendor<kForceDimension>, kForceDimension.file},
+                &parse_module<kForceDimension>, kForceDimension.file},
     DriverEntry{"openhaptics", "3D Systems Touch and SensAble PHANToM, by the maker's OpenHaptics",
-                &parse_vendor<kOpenHaptics>, kOpenHaptics.file},
-    DriverEntry{"haply", "Haply Inverse3 and VerseGrip, by the maker's Inverse Service", &parse_vendor<kHaply>,
+                &parse_module<kOpenHaptics>, kOpenHaptics.file},
+    DriverEntry{"haply", "Haply Inverse3 and VerseGrip, by the maker's Inverse Service", &parse_module<kHaply>,
                 kHaply.file},
 };
 
@@ -106,9 +103,8 @@ std::span<const DriverEntry> registered_drivers() noexcept { return kDrivers; }
 
 bool driver_present(const DriverEntry& entry) {
   if (entry.module.empty()) return true;
-  if (entry.module == replay::kReplayModule.file) return load_module_head(replay::kReplayModule).has_value();
-  for (const ModuleFile& vendor : kVendorModules) {
-    if (entry.module == vendor.file) return load_module_head(vendor).has_value();
+  if (entry.module != usb::kUsbModuleFile) {
+    return load_module_head(driver_module(std::string(entry.module).c_str(), "")).has_value();
   }
   const auto module = usb::load_usb_module();
   return module && find_usb_driver(**module, entry.name) != nullptr;
@@ -116,8 +112,8 @@ bool driver_present(const DriverEntry& entry) {
 
 std::vector<std::vector<Finding> (*)(bool)> vendor_looks() {
   std::vector<std::vector<Finding> (*)(bool)> out;
-  for (const ModuleFile& vendor : kVendorModules) {
-    const auto table = load_module<DriverModule>(vendor);
+  for (const ModuleFile& maker : kMakerModules) {
+    const auto table = load_module<DriverModule>(maker);
     if (table && (*table)->look != nullptr) out.push_back((*table)->look);
   }
   return out;

@@ -1,9 +1,5 @@
-// libdrivers_replay.so: the replay driver behind one C symbol.
-#include "drivers/replay/driver_module.hpp"
+// libdrivers_replay.so: the replay driver in a module, for nothing else of a node maps HDF5.
+#include "drivers/driver_module.hpp"
 #include "drivers/replay/replay_config.hpp"
 
-extern "C" const drivers::ModuleHead* rtbus_replay_driver() {
-  using namespace drivers::replay;
-  static const ReplayModule module{{kReplayModule.abi_version}, &parse};
-  return &module.head;
-}
+RTBUS_DRIVER_MODULE("replay", "The hand's motion out of a recording, no hardware", &drivers::replay::parse)

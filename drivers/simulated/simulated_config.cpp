@@ -1,7 +1,6 @@
 #include "drivers/simulated/simulated_config.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,10 +9,12 @@
 #include "drivers/simulated/plant_link.hpp"
 #include "drivers/simulated/simulated_device.hpp"
 #include "rtbus/config/vector3.hpp"
+#include "rtbus/three_digits.hpp"
 
 namespace drivers::simulated {
 namespace {
 
+using rtbus::three_digits;
 using rtbus::config::Map;
 using rtbus::config::read_vector3;
 
@@ -33,12 +34,6 @@ void parse_mechanics(Map& map, MechanicsParameters& m, DeviceInfo& info) {
   if (m.force_step_n > m.max_force_n) map.fail("force_step_n", "exceeds mechanics.max_force_n; lower it");
 }
 
-std::string figure(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
 /// A hand that wants to go where the faces of the workspace stop the tip: the farthest point is named.
 void warn_of_way_out(const Map& map, SimulatedSettings& settings) {
   constexpr double kNoticed_m = 1e-6;
@@ -52,12 +47,13 @@ void warn_of_way_out(const Map& map, SimulatedSettings& settings) {
       points.begin(), points.end(), [&](const Waypoint& a, const Waypoint& b) { return outside_m(a) < outside_m(b); });
   if (worst == points.end() || outside_m(*worst) <= kNoticed_m) return;
   const Eigen::Vector3d& p = worst->position_m;
-  settings.warnings.push_back(map.sentence(map.has("file") ? "file" : "",
-                                           "leads the hand " + figure(1e3 * outside_m(*worst)) +
-                                               " mm out of the workspace, to [" + figure(p.x()) + ", " + figure(p.y()) +
-                                               ", " + figure(p.z()) + "] m after " + figure(worst->time_s) +
-                                               " s: end stops hold the tip back; stay within "
-                                               "limits.workspace_min_m…max_m, or widen them"));
+  settings.warnings.push_back(
+      map.sentence(map.has("file") ? "file" : "", "leads the hand " + three_digits(1e3 * outside_m(*worst)) +
+                                                      " mm out of the workspace, to [" + three_digits(p.x()) + ", " +
+                                                      three_digits(p.y()) + ", " + three_digits(p.z()) + "] m after " +
+                                                      three_digits(worst->time_s) +
+                                                      " s: end stops hold the tip back; stay within "
+                                                      "limits.workspace_min_m…max_m, or widen them"));
 }
 
 }  // namespace

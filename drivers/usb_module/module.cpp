@@ -11,7 +11,7 @@
 #include "drivers/usb_host/libusb_channel.hpp"
 #include "drivers/usb_host/libusb_context.hpp"
 #include "drivers/usb_host/open_options.hpp"
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 #include "drivers/virtual_devices/kinds.hpp"
 
 namespace drivers::usb {

@@ -1,4 +1,4 @@
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 
 namespace drivers::usb {
 

@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
+
+#include "rtbus/three_digits.hpp"
 
 namespace physics::bullet {
 namespace {
 
 using Eigen::Vector3d;
+using rtbus::three_digits;
 namespace config = rtbus::config;
 
 constexpr unsigned long kShuffleSeed = 1;
@@ -22,12 +24,6 @@ double sleeping_rate_rad_s(double gravity_m_s2, double extent_m) { return 0.045 
 
 /// Of Bullet's velocities it takes away v·damping in a second, not in proportion to time: 1 − e^(−λ) is the same decay.
 btScalar damping_of(double per_s) { return static_cast<btScalar>(-std::expm1(-per_s)); }
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
 
 }  // namespace
 
@@ -355,8 +351,9 @@ std::vector<std::string> BulletWorld::warnings(double longest_step_s) const {
   if (!moves || gravity_m_s2_ <= 0.0) return out;
   const double resting_s = kRestingStep * std::sqrt(smallest_m_ / gravity_m_s2_);
   if (longest_step_s > resting_s * (1.0 + 1e-9)) {
-    out.push_back(scene_file_ + ": a step of " + number(longest_step_s * 1e3) + " ms is longer than " +
-                  number(resting_s * 1e3) + " ms, up to which a stack of ten bodies of " + number(smallest_m_ * 1e3) +
+    out.push_back(scene_file_ + ": a step of " + three_digits(longest_step_s * 1e3) + " ms is longer than " +
+                  three_digits(resting_s * 1e3) + " ms, up to which a stack of ten bodies of " +
+                  three_digits(smallest_m_ * 1e3) +
                   " mm rests; raise physics.rate_hz or physics.substeps (20 solver_iterations allow twice the step)");
   }
   return out;

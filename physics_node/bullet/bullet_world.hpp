@@ -36,7 +36,7 @@ class BulletWorld : public World {
  public:
   static constexpr double kSmallestRadius = 0.05;
   static constexpr double kMinStepS = 1e-5, kMaxStepS = 1.0;  ///< Steps are clamped to this.
-  /// A stack of ten rests when the step is below this times √(e/g) (measured with 10 iterations; docs/decisions/0005).
+  /// A stack of ten rests when the step is below this times √(e/g) (measured with 10 iterations; docs/scenes.md).
   static constexpr double kRestingStep = 0.025;
 
   /// Throws rtbus::config::Error for what Bullet cannot do.

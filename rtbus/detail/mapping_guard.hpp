@@ -6,7 +6,7 @@
 /// lost, and lets the access go on. A reader then finds no newer sample, a writer writes where nobody looks, and the
 /// housekeeping threads find lost(). The same holds when /dev/shm has no page left for a hole in the file.
 /// A SIGBUS elsewhere goes to the handler that was there before, or ends the process as ever.
-/// Why this way and no other: docs/decisions/0010-a-segment-may-lose-its-pages.md.
+/// Why this way and no other: docs/decisions/0018-a-segment-that-loses-its-pages.md.
 #include <cstddef>
 
 namespace rtbus::detail {

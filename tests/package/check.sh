@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# check.sh BUILD SOURCE: installs all components into a clean folder, builds the examples against them, runs what was
+# check.sh BUILD SOURCE: installs the components into a clean folder, builds the examples against them, runs what was
 # installed. About 40 s.
 set -euo pipefail
 build=$1 source=$2

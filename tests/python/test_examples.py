@@ -1,5 +1,6 @@
 """The examples that people start from, run as they are."""
 
+import json
 import os
 import re
 import resource
@@ -81,9 +82,23 @@ class Push:
 class Examples(unittest.TestCase):
     def test_the_wall_stands_in_the_readme_and_is_short(self):
         wall = (EXAMPLES / "python" / "python_wall.py").read_text()
-        self.assertLessEqual(len(wall.splitlines()), 40)
-        for page in ("README.md", "docs/your-own-physics.md"):
-            self.assertIn(wall, (EXAMPLES.parents[1] / page).read_text(), page)
+        lines = len(wall.splitlines())
+        self.assertLessEqual(lines, 40)
+        self.assertIn(f"A wall in {lines} lines:", wall)
+        self.assertIn(wall, (EXAMPLES.parents[1] / "README.md").read_text())
+        self.assertIn(f"a whole physics in {lines} lines", (EXAMPLES.parents[1] / "docs" / "your-own-physics.md").read_text())
+
+    def test_the_wall_runs_in_the_tree_without_settings(self):
+        ours = ("PYTHONPATH", "RTBUS_LIBRARY_DIR", "RTBUS_PROGRAM")
+        environment = {name: value for name, value in os.environ.items() if name not in ours}
+        environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"
+        with tempfile.TemporaryDirectory() as folder:
+            report = Path(folder) / "report.json"
+            out = subprocess.run([find_program(), "run", str(EXAMPLES / "python" / "python_wall.yaml"), "--duration", "2", "--no-plots",
+                                  "--set", f"session=py-{os.getpid()}-tree", "--report", str(report), "--no-bare-loop"],
+                                 env=environment, cwd=folder, capture_output=True, text=True, timeout=90)
+            self.assertEqual(out.returncode, 0, out.stdout + out.stderr)
+            self.assertEqual(json.loads(report.read_text())["physics"]["engine"], "external")
 
     def test_own_engine_is_pushed_with_both_methods(self):
         methods = ("local_contact", "remote_virtual_coupling")

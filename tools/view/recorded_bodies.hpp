@@ -18,7 +18,6 @@ class RecordedBodies {
   RecordedBodies(const rtbus::recording::Recording& recording, std::vector<std::string>& notes);
 
   [[nodiscard]] bool any_poses() const noexcept { return !poses_.starts.empty(); }
-  [[nodiscard]] bool any_nodes() const noexcept { return !nodes_.starts.empty(); }
 
   /// @returns false where none were recorded; `out` is then as it was.
   [[nodiscard]] bool poses_at(std::uint64_t time_ns, std::vector<physics::BodyPose>& out, double& simulated_s);

@@ -1,21 +1,15 @@
 #include "tools/view/session_state.hpp"
 
 #include <cmath>
-#include <cstdio>
 
 #include "haptic_node/safety.hpp"
+#include "rtbus/three_digits.hpp"
 
 namespace view {
 
 namespace {
 
 std::string percent(double share) { return std::to_string(std::lround(100.0 * share)) + " %"; }
-
-std::string three_digits(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
 
 /// The node gives no signs of its own.
 HandState silent(const HandSigns& signs) {
@@ -47,7 +41,8 @@ HandState judge(const HandSigns& signs) {
   if ((now & haptic::kDisabled) != 0) return {"OFF", "forces are not enabled", Level::kWarn};
   if ((now & haptic::kRamping) != 0) return {"RAMPING", "the force comes back: " + percent(signs.gate), Level::kWarn};
   if ((signs.recent_safety & haptic::kClamped) != 0) {
-    return {"CLAMPED", "the force reached the limit of " + three_digits(signs.force_limit_n) + " N", Level::kWarn};
+    return {"CLAMPED", "the force reached the limit of " + rtbus::three_digits(signs.force_limit_n) + " N",
+            Level::kWarn};
   }
   if ((signs.recent_safety & haptic::kThermalLimited) != 0) {
     return {"CLAMPED", "the motors would become too hot: the force is limited", Level::kWarn};

@@ -1,4 +1,4 @@
-"""A wall in 40 lines: physics of your own, felt by the hand. Started by `rtbus run python_wall.yaml`."""
+"""A wall in 25 lines: physics of your own, felt by the hand. Started by `rtbus run python_wall.yaml`."""
 import numpy as np
 import rtbus
 

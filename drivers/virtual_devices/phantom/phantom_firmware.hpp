@@ -55,7 +55,6 @@ class PhantomFirmware {
   [[nodiscard]] std::uint64_t watchdog_trips() const noexcept { return watchdog_trips_; }
   [[nodiscard]] std::uint64_t rejected() const noexcept { return rejected_; }
   [[nodiscard]] std::uint64_t accepted() const noexcept { return accepted_; }
-  [[nodiscard]] bool waits_for_calibration() const noexcept { return calibration_needed_; }
 
  private:
   [[nodiscard]] std::optional<std::uint32_t> read_line();

@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "rtbus/config/closed_surface.hpp"
+#include "rtbus/three_digits.hpp"
 
 namespace physics::bullet {
 namespace {
 
 using Eigen::Vector3d;
+using rtbus::three_digits;
 namespace config = rtbus::config;
 
 constexpr int kBendingDistance = 2;  // edges
@@ -22,12 +23,6 @@ double area_of(const config::TriangleMesh& mesh) {
     area_m2 += 0.5 * (mesh.vertices_m[t[1]] - a).cross(mesh.vertices_m[t[2]] - a).norm();
   }
   return area_m2;
-}
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
 }
 
 double matching_share(double frequency_hz, double h) {
@@ -165,13 +160,14 @@ void MadeSoftBody::put_back() {
 std::string MadeSoftBody::complaint(double h) const {
   const double wanted_pa = body_.bulk_modulus_pa + body_.pressure_pa;
   if (body_.closed && wanted_pa > stiffest_pa(h)) {
-    return "bulk_modulus_pa and pressure_pa together are " + number(wanted_pa) + " Pa; a step of " + number(h * 1e3) +
-           " ms carries " + number(stiffest_pa(h)) +
+    return "bulk_modulus_pa and pressure_pa together are " + three_digits(wanted_pa) + " Pa; a step of " +
+           three_digits(h * 1e3) + " ms carries " + three_digits(stiffest_pa(h)) +
            " Pa, to which they are lowered; raise physics.rate_hz or substeps";
   }
   if (2.0 * std::numbers::pi * body_.pose_matching_hz * h > 1.0) {
-    return "pose_matching_hz = " + number(body_.pose_matching_hz) + " is above " +
-           number(0.5 / (std::numbers::pi * h)) + " Hz, which is rigid at a step of " + number(h * 1e3) + " ms";
+    return "pose_matching_hz = " + three_digits(body_.pose_matching_hz) + " is above " +
+           three_digits(0.5 / (std::numbers::pi * h)) + " Hz, which is rigid at a step of " + three_digits(h * 1e3) +
+           " ms";
   }
   return {};
 }

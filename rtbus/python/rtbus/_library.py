@@ -157,6 +157,7 @@ def load(soname: str) -> ctypes.CDLL:
             reason = str(error)
     raise ImportError(
         f"{soname} could not be loaded ({reason}); install the package librtbus1, "
+        "build it in the source tree (tools/build rtbus_c rtbus_engine), "
         "or let RTBUS_LIBRARY_DIR name the folder that it was built in"
     )
 

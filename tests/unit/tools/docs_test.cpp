@@ -1,13 +1,16 @@
-// The tables of the documents that name a test for each fault name tests that exist.
+// What pages say about this tree is so: the tests that their tables name, the packages that they install, the keys.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <regex>
 #include <set>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -161,6 +164,112 @@ TEST(DocumentTables, AWrongNameWouldBeSeen) {
   EXPECT_FALSE(exists("Other.*", tests));
   EXPECT_FALSE(exists("DoesThis…", tests));
   EXPECT_FALSE(exists("BadSuite.…/no_such_file", tests));
+}
+
+/// The packages of this build and what each needs of the others, from cmake/packaging.cmake.
+std::map<std::string, std::set<std::string>> packages_in(const std::string& cmake) {
+  std::map<std::string, std::string> names;  // by the component
+  const std::regex name(R"re(set\(CPACK_DEBIAN_(\w+)_PACKAGE_NAME ([\w-]+)\))re");
+  for (std::sregex_iterator it(cmake.begin(), cmake.end(), name), end; it != end; ++it) names[(*it)[1]] = (*it)[2];
+  std::map<std::string, std::set<std::string>> out;
+  for (const auto& [component, package] : names) out[package];
+  const std::regex depends(R"re(set\(CPACK_DEBIAN_(\w+)_PACKAGE_DEPENDS "([^"]*)"\))re"),
+      word(R"re(([a-z][\w-]*) \()re");
+  for (std::sregex_iterator it(cmake.begin(), cmake.end(), depends), end; it != end; ++it) {
+    const std::string needed = (*it)[2];
+    for (std::sregex_iterator one(needed.begin(), needed.end(), word); one != end; ++one) {
+      if (out.contains((*one)[1])) out[names[(*it)[1]]].insert((*one)[1]);
+    }
+  }
+  return out;
+}
+
+/// What each `apt install` of files in a page names, as the shell expands "{rtbus,librtbus1}_*.deb".
+std::vector<std::set<std::string>> installed_by(const std::string& page) {
+  std::vector<std::set<std::string>> out;
+  const std::regex command(R"re(apt install [^\n`#]*_\*\.deb)re"), file(R"re(([\w-]+|\{[\w,-]+\})_\*\.deb)re"),
+      word(R"re([\w-]+)re");
+  for (std::sregex_iterator it(page.begin(), page.end(), command), end; it != end; ++it) {
+    const std::string line = it->str();
+    std::set<std::string> packages;
+    for (std::sregex_iterator one(line.begin(), line.end(), file); one != end; ++one) {
+      const std::string list = (*one)[1];
+      for (std::sregex_iterator each(list.begin(), list.end(), word); each != end; ++each) packages.insert(each->str());
+    }
+    out.push_back(packages);
+  }
+  return out;
+}
+
+TEST(Pages, InstallThePackagesThatAPackageNeeds) {
+  const auto packages = packages_in(text_of(kRoot / "cmake/packaging.cmake"));
+  EXPECT_EQ(packages.at("librtbus-dev"), std::set<std::string>{"librtbus1"});
+  EXPECT_EQ(packages.at("rtbus-mujoco"), (std::set<std::string>{"librtbus1", "rtbus"}));
+  int seen = 0;
+  for (const char* const page : {"README.md", "docs/bridge.md", "docs/examples/README.md", "docs/packages.md",
+                                 "docs/python.md", "docs/writing-a-driver.md", "docs/your-own-physics.md"}) {
+    for (const std::set<std::string>& together : installed_by(text_of(kRoot / page))) {
+      ++seen;
+      for (const std::string& package : together) {
+        ASSERT_TRUE(packages.contains(package)) << page << " installs " << package << ", which is not made";
+        for (const std::string& needed : packages.at(package)) {
+          EXPECT_TRUE(together.contains(needed)) << page << " installs " << package << " without " << needed;
+        }
+      }
+    }
+  }
+  EXPECT_GE(seen, 6);
+}
+
+TEST(Pages, AMissingPackageWouldBeSeen) {
+  const auto packages = packages_in(
+      "set(CPACK_DEBIAN_A_PACKAGE_NAME a)\nset(CPACK_DEBIAN_B_PACKAGE_NAME lib-b)\n"
+      "set(CPACK_DEBIAN_A_PACKAGE_DEPENDS \"python3 (>= 3.9), lib-b (= ${PROJECT_VERSION})\")");
+  EXPECT_EQ(packages, (std::map<std::string, std::set<std::string>>{{"a", {"lib-b"}}, {"lib-b", {}}}));
+  EXPECT_THAT(installed_by("    sudo apt install ./a_*.deb ./lib-b_*.deb g++\nso `apt install ./out/{a,lib-b}_*.deb`"),
+              testing::ElementsAre(std::set<std::string>{"a", "lib-b"}, std::set<std::string>{"a", "lib-b"}));
+}
+
+/// The keys of a session file as config/README.md writes them: "engine", "coupling.stiffness_n_per_m". Those of a
+/// section follow its name; keys behind a "# " are left out by the file, and count.
+std::vector<std::string> keys_in(const std::string& yaml) {
+  std::vector<std::pair<std::size_t, std::string>> above;  // columns and names
+  std::vector<std::string> out;
+  const std::regex key(R"re(^( *)(- |# )?( *)(\w+):( .*)?$)re");
+  std::istringstream stream(yaml);
+  std::smatch part;
+  for (std::string line; std::getline(stream, line);) {
+    if (!std::regex_match(line, part, key)) continue;
+    const std::size_t column = part[1].length() + (part[2] == "- " ? 2 : 0) + part[3].length();
+    while (!above.empty() && above.back().first >= column) above.pop_back();
+    std::string path;
+    for (const auto& [at, name] : above) path += name + ".";
+    path += part[4];
+    for (const std::string& section : {std::string("physics."), std::string("haptic.")}) {
+      if (path.starts_with(section)) path.erase(0, section.size());
+    }
+    above.emplace_back(column, part[4]);
+    out.push_back(path);
+  }
+  return out;
+}
+
+TEST(Configuration, TheTableHasEachKeyOfEveryKey) {
+  const std::vector<std::string> keys = keys_in(text_of(kRoot / "config/every_key.yaml"));
+  EXPECT_THAT(keys, testing::IsSupersetOf({"bus.mode", "command", "coupling.stiffness_n_per_m",
+                                           "workspace_walls.margin_m", "realtime.spin_us"}));
+  const std::string table = text_of(kRoot / "config/README.md");
+  for (const std::string& key : keys) {
+    const bool section =
+        std::any_of(keys.begin(), keys.end(), [&](const auto& each) { return each.starts_with(key + "."); });
+    EXPECT_TRUE(section || table.find("\n| `" + key + "` |") != std::string::npos) << "no row for " << key;
+  }
+}
+
+TEST(Configuration, KeysAreFoundInSectionsListsAndBehindAHash) {
+  EXPECT_THAT(keys_in("a: 1\nhaptic:  # list\n  - name: x\n    # walls:    # none\n    #   margin_m: 1\n    b: {c: "
+                      "2}\n# No key: here.\n"),
+              testing::ElementsAre("a", "haptic", "name", "walls", "walls.margin_m", "b"));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -90,6 +91,18 @@ TEST_F(SupervisorTest, TellsHowAChildEndedAndItsLastWords) {
   ASSERT_TRUE(supervisor_.start(shell("b", Stage::kHaptic, "kill -9 $$")).has_value());
   ASSERT_TRUE(poll_until([this] { return ends_.size() == 2; }));
   EXPECT_THAT(ends_[1].how(), HasSubstr("killed by signal 9"));
+}
+
+TEST_F(SupervisorTest, GivesAChildItsVariablesAndKeepsItsOwn) {
+  ASSERT_EQ(::setenv("RTBUS_TEST_KEPT", "ours", 1), 0);
+  ChildSpec child = shell("a", Stage::kHaptic, "echo $RTBUS_TEST_KEPT $RTBUS_TEST_NEW");
+  child.environment = {{"RTBUS_TEST_KEPT", "its own"}, {"RTBUS_TEST_NEW", "new"}};
+  ASSERT_TRUE(supervisor_.start(child).has_value());
+  EXPECT_STREQ(::getenv("RTBUS_TEST_KEPT"), "ours");
+  EXPECT_EQ(::getenv("RTBUS_TEST_NEW"), nullptr);
+  ASSERT_TRUE(poll_until([this] { return !ends_.empty(); }));
+  EXPECT_THAT(lines_, ElementsAre("a: its own new"));
+  ::unsetenv("RTBUS_TEST_KEPT");
 }
 
 TEST_F(SupervisorTest, RefusesAProgramThatIsNotThere) {

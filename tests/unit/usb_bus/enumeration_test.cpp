@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "drivers/usb_host/libusb_context.hpp"
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 #include "tests/support/echo_device.hpp"
 
 namespace drivers::usb {

@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
+
+#include "tools/cli/common/slurp.hpp"
 
 namespace tools {
 
 std::optional<StartedWith> started_with(std::uint32_t pid) {
   const std::string proc = "/proc/" + std::to_string(pid);
-  std::ifstream in(proc + "/cmdline", std::ios::binary);
-  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  const std::string text = slurp(proc + "/cmdline");
   std::vector<std::string> words;
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t end = std::min(text.find('\0', begin), text.size());

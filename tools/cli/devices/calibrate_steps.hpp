@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 #include "rtbus/config/document.hpp"
 #include "tools/cli/devices/device_target.hpp"
 #include "tools/cli/devices/device_walk.hpp"

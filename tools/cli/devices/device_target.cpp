@@ -11,7 +11,7 @@
 #include <sstream>
 #include <thread>
 
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/config/document.hpp"
 #include "tools/cli/common/interrupt.hpp"

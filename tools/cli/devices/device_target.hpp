@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "drivers/registry/registry.hpp"
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 #include "rtbus/command_line/command_line.hpp"
 #include "rtbus/result.hpp"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 #include "rtbus/config/document.hpp"
 #include "tools/cli/common/command.hpp"
 #include "tools/cli/common/text_table.hpp"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "drivers/driver_module.hpp"
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 
 namespace tools {
 

@@ -15,24 +15,18 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <set>
 #include <sstream>
 #include <utility>
 
 #include "rtbus/clock.hpp"
+#include "tools/cli/common/slurp.hpp"
 
 namespace tools {
 
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A whole file of /proc or /sys (their size is not known beforehand); "" when it cannot be read.
-std::string slurp(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
 
 std::string first_line(const std::string& path) {
   std::ifstream file(path);

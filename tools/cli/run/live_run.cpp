@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "rtbus/clock.hpp"
-
 #include "rtbus/realtime.hpp"
 #include "rtbus/topic.hpp"
 #include "rtbus/topic_directory.hpp"
@@ -27,7 +26,7 @@
 #include "tools/cli/host/bare_loop.hpp"
 #include "tools/cli/run/order_desk.hpp"
 #include "tools/cli/run/report.hpp"
-#include "tools/cli/run/restart_policy.hpp"
+#include "tools/cli/run/restarts.hpp"
 #include "tools/cli/run/run_observer.hpp"
 #include "tools/cli/run/run_plots.hpp"
 #include "tools/cli/run/run_recording.hpp"
@@ -111,13 +110,7 @@ class Run {
   std::optional<RunStills> stills_;
   std::unique_ptr<BareLoop> bare_;
   std::unique_ptr<OrderDesk> desk_;
-  struct Pending {
-    ChildSpec child;
-    std::uint64_t due_ns;
-  };
-  std::map<std::string, RestartPolicy> policies_;  ///< By the child's name.
-  std::map<std::string, double> ended_cpu_s_;      ///< Likewise: of processes before the present one.
-  std::vector<Pending> pending_;
+  Restarts restarts_{plan_, !options_.no_restart};
   RunReport report_;
   std::uint64_t began_ns_ = rtbus::monotonic_ns();
   std::uint64_t running_ns_ = 0;
@@ -237,23 +230,11 @@ bool Run::start() {
 
 bool Run::plan_restart(const ChildEnd& end) {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
-  rtbus::config::SuperviseConfig rules = plan_.supervise;
-  if (options_.no_restart) rules.restart = false;
-  RestartPolicy& policy = policies_.try_emplace(end.name, rules).first->second;
-  const RestartPolicy::Verdict verdict = policy.on_end(end.wait_status, end.started_ns, now_ns);
+  const RestartPolicy::Verdict verdict = restarts_.on_end(end, now_ns);
   if (!verdict.restart) {
     fail(end, verdict.why_not);
     return is_bridge(end.name);
   }
-  const auto add_pending = [&](const ChildSpec& child) {
-    if (child.name != end.name) return;
-    pending_.push_back({child, now_ns + static_cast<std::uint64_t>(verdict.delay_s * 1e9)});
-  };
-  for (const std::vector<ChildSpec>& children : {plan_.plants, plan_.nodes}) {
-    for (const ChildSpec& child : children) add_pending(child);
-  }
-  if (plan_.bridge) add_pending(*plan_.bridge);
-  ended_cpu_s_[end.name] += end.cpu_s;
   RestartFigures restart;
   restart.node = end.name;
   restart.how = end.how();
@@ -273,14 +254,8 @@ bool Run::plan_restart(const ChildEnd& end) {
 }
 
 bool Run::start_again() {
-  const std::uint64_t now_ns = rtbus::monotonic_ns();
-  for (auto each = pending_.begin(); each != pending_.end();) {
-    if (now_ns < each->due_ns) {
-      ++each;
-      continue;
-    }
-    if (!start_children({each->child}) && !is_bridge(each->child.name)) return false;
-    each = pending_.erase(each);
+  while (const auto child = restarts_.take_due(rtbus::monotonic_ns())) {
+    if (!start_children({*child}) && !is_bridge(child->name)) return false;
   }
   return true;
 }
@@ -352,9 +327,7 @@ void Run::fill_report(const Snapshot& first, const Snapshot& last) {
   const auto cost = [&](const std::string& name) {
     const auto before = first.processes.find(name), after = last.processes.find(name);
     if (before == first.processes.end() || after == last.processes.end()) return ProcessCost{};
-    const auto earlier = ended_cpu_s_.find(name);
-    const double earlier_s = earlier == ended_cpu_s_.end() ? 0.0 : earlier->second;
-    return ProcessCost{earlier_s + after->second.cpu_s - before->second.cpu_s,
+    return ProcessCost{restarts_.ended_cpu_s(name) + after->second.cpu_s - before->second.cpu_s,
                        static_cast<double>(after->second.rss_bytes) / (1024.0 * 1024.0), after->second.threads};
   };
   report_.duration_s = rtbus::seconds_between(first.time_ns, last.time_ns);
@@ -446,8 +419,8 @@ int Run::operator()() {
     follow();
     last.emplace(supervisor_, plan_.session.name);
     if (bare_) bare_->stop();
-    for (const Pending& each : pending_) {
-      report_.faults.push_back(each.child.name + " had crashed and was not back when the session ended");
+    for (const std::string& name : restarts_.waiting()) {
+      report_.faults.push_back(name + " had crashed and was not back when the session ended");
       progress_.clear();
       std::fprintf(stderr, "rtbus run: %s\n", report_.faults.back().c_str());
     }

@@ -1,5 +1,4 @@
 #include "tools/cli/run/run_plan.hpp"
-#include "tools/cli/common/find_config.hpp"
 
 #include <unistd.h>
 
@@ -15,6 +14,8 @@
 #include "rtbus/config/session.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/bridge/config/bridge_config.hpp"
+#include "tools/cli/common/find_config.hpp"
+#include "tools/cli/common/tree_python.hpp"
 #include "tools/cli/host/ask_kernel.hpp"
 #include "tools/cli/host/core_plan.hpp"
 
@@ -64,7 +65,9 @@ std::optional<ChildSpec> external_physics(const physics::NodeConfig& config, con
   std::error_code failed;
   std::string set;
   for (const std::string& text : assignments) set += (set.empty() ? "" : "\n") + text;
-  child.environment = {{"RTBUS_ENGINE_CONFIG", fs::absolute(config.file, failed).string()}, {"RTBUS_ENGINE_SET", set}};
+  child.environment = tree_python();
+  child.environment.emplace_back("RTBUS_ENGINE_CONFIG", fs::absolute(config.file, failed).string());
+  child.environment.emplace_back("RTBUS_ENGINE_SET", set);
   return child;
 }
 

@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
-#include <filesystem>
+#include <list>
 #include <optional>
 #include <utility>
 
@@ -28,27 +28,30 @@ constexpr std::size_t kLongestLine = 4096;  // longer ones are cut in pieces
 constexpr int kEnginePipe_bytes = 1 << 20;
 constexpr std::uint64_t kPollPeriod_ns = 5 * rtbus::kNsPerMs;
 
-/// Puts a library in front of LD_PRELOAD for the children forked while it lives.
-class Preload {
+/// A variable of the environment for the children forked while it lives.
+class Variable {
  public:
-  explicit Preload(const std::string& library) {
-    if (library.empty()) return;
-    if (const char* const before = std::getenv(kVariable)) before_ = before;
-    ::setenv(kVariable, (before_ ? library + ":" + *before_ : library).c_str(), 1);
-    set_ = true;
+  Variable(std::string name, const std::string& value) : name_(std::move(name)) {
+    if (const char* const before = std::getenv(name_.c_str())) before_ = before;
+    ::setenv(name_.c_str(), value.c_str(), 1);
   }
-  ~Preload() {
-    if (set_ && before_) ::setenv(kVariable, before_->c_str(), 1);
-    if (set_ && !before_) ::unsetenv(kVariable);
+  ~Variable() {
+    if (before_) ::setenv(name_.c_str(), before_->c_str(), 1);
+    if (!before_) ::unsetenv(name_.c_str());
   }
-  Preload(const Preload&) = delete;
-  Preload& operator=(const Preload&) = delete;
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
 
  private:
-  static constexpr const char* kVariable = "LD_PRELOAD";
-  bool set_ = false;
+  std::string name_;
   std::optional<std::string> before_;
 };
+
+/// LD_PRELOAD with this library in front.
+std::string preloaded(const std::string& library) {
+  const char* const others = std::getenv("LD_PRELOAD");
+  return others == nullptr ? library : library + ":" + others;
+}
 
 /// Runs in the child between fork and exec: async-signal-safe calls only.
 [[noreturn]] void become(const char* program, char* const* arguments, int output_fd, pid_t parent) {
@@ -102,11 +105,11 @@ rtbus::Result<void, std::string> Supervisor::start(const ChildSpec& spec) {
 
   const pid_t parent = ::getpid();
   ::setenv(rtbus::kSupervisorVariable, std::to_string(parent).c_str(), 1);
-  const Preload preload(spec.preload);
-  for (const auto& [name, value] : spec.environment) ::setenv(name.c_str(), value.c_str(), 1);
+  std::list<Variable> variables;
+  if (!spec.preload.empty()) variables.emplace_back("LD_PRELOAD", preloaded(spec.preload));
+  for (const auto& [name, value] : spec.environment) variables.emplace_back(name, value);
   const pid_t pid = ::fork();
   if (pid == 0) become(spec.program.c_str(), arguments.data(), ends[1], parent);
-  for (const auto& variable : spec.environment) ::unsetenv(variable.first.c_str());
   ::close(ends[1]);
   if (pid < 0) {
     const auto failure = failed("fork");

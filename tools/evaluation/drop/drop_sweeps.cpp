@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "tools/cli/common/interrupt.hpp"
+#include "tools/evaluation/shared/set_hand.hpp"
 
 namespace tools {
 
@@ -41,12 +42,6 @@ CellShares falls(const DropOptions& options, const DropCase& each, const std::ve
   return shares;
 }
 
-std::string set(const char* key, double value) {
-  char text[120];
-  std::snprintf(text, sizeof text, "haptic.0.%s=%.9g", key, value);
-  return text;
-}
-
 /// A row per value, a column per published case.
 Table sweep(const DropOptions& options, std::string name, std::string column, const std::vector<double>& values,
             const std::vector<std::string>& fixed, const char* key) {
@@ -58,7 +53,7 @@ Table sweep(const DropOptions& options, std::string name, std::string column, co
   }
   for (const double value : values) {
     std::vector<std::string> settings = fixed;
-    settings.push_back(set(key, value));
+    settings.push_back(set_hand(key, value));
     std::vector<Cell> row{value};
     for (const DropCase& each : drop_cases()) {
       row.emplace_back(falls(options, each, settings, kSensitivityPhases, 0.0).text());
@@ -100,9 +95,9 @@ Table server_spring(const DropOptions& options) {
     constexpr double kMass_kg = 0.07, kRatio = 0.85, kStep_s = 0.02;
     const double damping = 2.0 * kRatio * std::sqrt(stiffness * kMass_kg);
     std::vector<std::string> settings{
-        "haptic.0.method=remote_virtual_coupling", set("coupling.stiffness_n_per_m", 100.0),
-        set("link_rate_hz", 1.0 / kStep_s),        set("proxy.mass_kg", kMass_kg),
-        set("proxy.stiffness_n_per_m", stiffness), set("proxy.damping_n_s_per_m", damping)};
+        "haptic.0.method=remote_virtual_coupling",      set_hand("coupling.stiffness_n_per_m", 100.0),
+        set_hand("link_rate_hz", 1.0 / kStep_s),        set_hand("proxy.mass_kg", kMass_kg),
+        set_hand("proxy.stiffness_n_per_m", stiffness), set_hand("proxy.damping_n_s_per_m", damping)};
     std::vector<Cell> row{stiffness, kStep_s * damping / kMass_kg, hand_in_free_air(options, settings)};
     settings.emplace_back("haptic.0.form=improved");
     settings.emplace_back("physics.step_on=packet");
@@ -121,7 +116,7 @@ Table improved(const DropOptions& options) {
     for (const double stiffness : {100.0, 500.0, 1000.0}) {
       const DropCase each{"", "", method, stiffness, 1e-4 * stiffness, "", Outcome::kSettled, 0, 0, 4.0};
       const std::vector<std::string> settings{"haptic.0.form=improved", "haptic.0.link_rate_hz=null",
-                                              "physics.step_on=clock", set("prediction_periods", 1.0)};
+                                              "physics.step_on=clock", set_hand("prediction_periods", 1.0)};
       row.emplace_back(falls(options, each, settings, kSensitivityPhases, 0.0).text());
     }
     table.rows.push_back(std::move(row));

@@ -5,8 +5,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "tools/cli/common/find_config.hpp"
 #include "tools/cli/common/run_program.hpp"
+#include "tools/cli/common/tree_python.hpp"
 
 namespace tools {
 
@@ -52,11 +52,7 @@ std::string replaced(std::string text, const std::string& word, const std::strin
 }  // namespace
 
 std::string why_no_python_engine() {
-  const fs::path tree = fs::path(folder_of_this_program()) / "../..";
-  if (std::error_code failed; fs::exists(tree / "rtbus/python/rtbus/engine.py", failed)) {
-    ::setenv("PYTHONPATH", (tree / "rtbus/python").lexically_normal().c_str(), 0);
-    ::setenv("RTBUS_LIBRARY_DIR", (fs::path(folder_of_this_program()) / "../lib").lexically_normal().c_str(), 0);
-  }
+  for (const auto& [name, value] : tree_python()) ::setenv(name.c_str(), value.c_str(), 1);
   const ProgramOutcome found = run_program(kPython, ".", {"-c", "import rtbus._engine_library as e; e.library()"});
   if (found.status == 0) return {};
   return "no Python engine runs here (install python3-rtbus): " + found.complaint();

@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "drivers/usb_module/driver_module.hpp"
+#include "drivers/usb_module/usb_module.hpp"
 #include "haptic_node/safety.hpp"
 #include "physics_node/frame_publisher.hpp"
 #include "rtbus/clock.hpp"

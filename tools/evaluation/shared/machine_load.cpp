@@ -6,12 +6,11 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <fstream>
-#include <iterator>
 #include <sstream>
 #include <utility>
 
 #include "rtbus/clock.hpp"
+#include "tools/cli/common/slurp.hpp"
 #include "tools/evaluation/shared/median.hpp"
 
 namespace tools {
@@ -23,11 +22,6 @@ constexpr double kStolen = 0.01;
 constexpr double kOthers = 0.10, kWaited = 0.05;
 constexpr double kBareLost = 0.001;
 constexpr double kLateSteps = 0.02;
-
-std::string slurp(const char* path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
 
 double cpu_s(int who) {
   rusage used{};

@@ -13,6 +13,7 @@
 #include "rtbus/clock.hpp"
 #include "rtbus/config/closed_surface.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/three_digits.hpp"
 #include "tools/cli/common/gnuplot.hpp"
 #include "tools/cli/common/interrupt.hpp"
 #include "tools/cli/common/run_progress.hpp"
@@ -101,12 +102,6 @@ void draw(Experiment& experiment, const Figure& figure) {
     return;
   }
   for (const auto& file : *drawn) experiment.add_figure(file);
-}
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
 }
 
 /// What the scene is made of, against the paper's bunnies.
@@ -253,7 +248,7 @@ void SoftEvaluation::show_pair(const SoftMachine& machine, const Pair& pair, con
   add_row(profiles_, std::string(machine.what) + ", harness", kInterpolation, pair.interpolation);
   add_row(profiles_, std::string(machine.what) + ", harness", kRemote, pair.remote);
   check_pair(std::string("soft.") + machine.id, machine.what, machine.compared, pair, experiment_);
-  ratios_ += (ratios_.empty() ? "" : ", ") + number(pair.increments_ratio()) + " (" + machine.what + ")";
+  ratios_ += (ratios_.empty() ? "" : ", ") + rtbus::three_digits(pair.increments_ratio()) + " (" + machine.what + ")";
   draw(experiment_, profiles(stem,
                              "Pressing and stroking a soft body, physics " + std::string(machine.what) +
                                  ", simulated clock (paper, Figs 18 and 19)",

@@ -34,7 +34,6 @@ struct StabilityEnvelope {
   static constexpr const char* kRemote = "remote_virtual_coupling";
   static constexpr const char* kLocal = "local_contact";
   static constexpr const char* kDevice = "phantom_desktop";
-  static constexpr double kHapticHz = 1000.0;
   static constexpr double kMaxStiffnessNPerM = 2000.0;
   static constexpr double kMinPhysicsHz = 5.0, kMaxPhysicsHz = 1000.0;
   static constexpr double kMaxLostShare = 0.1;

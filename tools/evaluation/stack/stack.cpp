@@ -12,6 +12,7 @@
 #include "tools/cli/common/run_progress.hpp"
 #include "tools/cli/still/still.hpp"
 #include "tools/evaluation/shared/method_settings.hpp"
+#include "tools/evaluation/shared/set_hand.hpp"
 
 namespace tools {
 
@@ -45,12 +46,6 @@ constexpr std::array kPublished{PublishedStack{125, 10.0, 100.0, 1008.0}, Publis
 
 double ratio(double value, double reference) {
   return reference != 0.0 ? value / reference : std::numeric_limits<double>::quiet_NaN();
-}
-
-std::string set(const char* key, double value) {
-  char text[120];
-  std::snprintf(text, sizeof text, "haptic.0.%s=%.9g", key, value);
-  return text;
 }
 
 HarnessOptions harness_link() {
@@ -247,25 +242,26 @@ PushSetup stack_setup(const StackOptions& options, const StackCell& cell, const 
   setup.session_file = options.config_folder + "/stack_" + std::to_string(cell.cubes) + ".yaml";
   std::vector<std::string>& sets = setup.assignments;
   sets = method_settings(method);
-  sets.insert(sets.end(), {"haptic.0.device.hand.impedance=light", set("device.hand.stiffness_n_per_m", hand_n_per_m),
-                           set("coupling.stiffness_n_per_m", cell.stiffness_n_per_m),
-                           "scene.bodies.cube.mass_kg=" + std::to_string(kCube_kg)});
+  sets.insert(sets.end(),
+              {"haptic.0.device.hand.impedance=light", set_hand("device.hand.stiffness_n_per_m", hand_n_per_m),
+               set_hand("coupling.stiffness_n_per_m", cell.stiffness_n_per_m),
+               "scene.bodies.cube.mass_kg=" + std::to_string(kCube_kg)});
   setup.duration_s = push_s;
   if (push_s < StackOptions::kPaperPush_s) {  // begins nearer to the stack
     setup.gap_mm = 3.0;
     sets.emplace_back("haptic.0.device.hand.start_m=[0, 0, 0.008]");
-    sets.push_back(set("device.hand.start_s", 0.3));
+    sets.push_back(set_hand("device.hand.start_s", 0.3));
   }
-  sets.push_back(set("device.hand.speed_m_s", kSpeed_m_s));
-  sets.push_back(set("device.hand.ramp_s", 0.02));
-  sets.push_back(set("device.hand.distance_m", setup.gap_mm * 1e-3 + kDepth_m));
+  sets.push_back(set_hand("device.hand.speed_m_s", kSpeed_m_s));
+  sets.push_back(set_hand("device.hand.ramp_s", 0.02));
+  sets.push_back(set_hand("device.hand.distance_m", setup.gap_mm * 1e-3 + kDepth_m));
   // Where the two lower stacks are pushed as well: a column of ten, pushed in its middle, falls over at once.
   if (cell.cubes == 500) sets.emplace_back("haptic.0.mapping.offset_m=[0.0105, 0.05, 0]");
   if (cell.throttle_hz > 0.0) sets.push_back("physics.throttle_hz=" + std::to_string(cell.throttle_hz));
   if (cell.parts_hz > 0.0) sets.push_back("physics.rate_hz=" + std::to_string(cell.parts_hz));
   if (cell.pipe) {
     sets.insert(sets.end(), {"haptic.0.form=paper", "haptic.0.link=pipe", "haptic.0.link_rate_hz=50"});
-    sets.push_back(set("proxy.stiffness_n_per_m", kPipeProxy_n_per_m));
+    sets.push_back(set_hand("proxy.stiffness_n_per_m", kPipeProxy_n_per_m));
   }
   sets.insert(sets.end(), options.assignments.begin(), options.assignments.end());
   return setup;

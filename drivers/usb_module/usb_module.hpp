@@ -1,5 +1,5 @@
 #pragma once
-/// @file driver_module.hpp
+/// @file usb_module.hpp
 /// What the module of the USB drivers, libdrivers_usb.so, exports. It is loaded by dlopen when a device file names one
 /// of its drivers, or for `rtbus devices`, so that nothing else maps libusb. Like an engine's module it carries C++
 /// types and belongs to the build it was made with; it is never unloaded.
