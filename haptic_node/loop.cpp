@@ -250,6 +250,7 @@ SafetyOutput Loop::make_safe(const RenderOutput& rendered, bool device_ok, bool 
   wish.sample_time_ns = sample_.time_ns;
   wish.enabled = enabled;
   wish.estop = estop_;
+  wish.clutched = clutched_;
   wish.link_alive = link_alive_ && (proxy_.valid || !method_->needs_physics());
   wish.device_ok = device_ok;
   SafetyOutput safe = safety_.apply(wish);
