@@ -53,8 +53,8 @@ class BusLink final : public PhysicsLink {
     return heartbeat_ && heartbeat_->read_latest(out) == rtbus::ReadStatus::kFresh;
   }
   [[nodiscard]] std::uint64_t refused() const noexcept RTBUS_NONBLOCKING override {
-    return (proxy_state_ ? proxy_state_->refused() : 0) + (contacts_ ? contacts_->refused() : 0) +
-           (heartbeat_ ? heartbeat_->refused() : 0);
+    return (proxy_state_ ? proxy_state_->refused() : 0) + (pipe_ ? pipe_->refused() : 0) +
+           (contacts_ ? contacts_->refused() : 0) + (heartbeat_ ? heartbeat_->refused() : 0);
   }
 
   /// Finds physics, finds it again after a restart, and makes the own topic anew when it was deleted. About every

@@ -119,6 +119,7 @@ void Loop::take_answers(std::uint64_t now_ns) noexcept {
   if (link_alive_ && !was_alive) {
     // The first answer after a loss is one to a sample from before it.
     begin_anew_ = monitor_.losses() > 0;
+    if (begin_anew_) proxy_.valid = false;  // not in this cycle either
     note(LoopEvent::kLinkAlive);
   } else if (!link_alive_ && was_alive) {
     note(monitor_.lags() ? LoopEvent::kLinkLags : LoopEvent::kLinkLost);
@@ -249,6 +250,7 @@ SafetyOutput Loop::make_safe(const RenderOutput& rendered, bool device_ok, bool 
   wish.sample_time_ns = sample_.time_ns;
   wish.enabled = enabled;
   wish.estop = estop_;
+  wish.clutched = clutched_;
   wish.link_alive = link_alive_ && (proxy_.valid || !method_->needs_physics());
   wish.device_ok = device_ok;
   SafetyOutput safe = safety_.apply(wish);

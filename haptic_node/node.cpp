@@ -185,6 +185,9 @@ rtbus::Result<void, NodeFault> Node::start() {
   }
   spdlog::info("{}: left out: {}", config_.name, left_out());
 
+  // A node that is started again under an E-stop knows of it before its first cycle.
+  if (topics_->orders) topics_->orders->maintain();
+  take_orders();
   try {
     start_threads();
   } catch (const std::system_error& error) {

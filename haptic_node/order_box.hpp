@@ -14,7 +14,8 @@
 
 namespace haptic {
 
-/// What acts on the loop. An E-stop, ordered or by a button of the device, holds until it is re-armed.
+/// What acts on the loop. An E-stop, ordered or by a button of the device, holds until the count of re-arms has grown:
+/// orders that merely say nothing of it release nothing, nor do the first ones that a node hears.
 class OrderBox {
  public:
   /// @param configured Gains while none are ordered. @param extra_force_max_n Longer forces are shortened to this.
@@ -36,12 +37,14 @@ class OrderBox {
   /// An E-stop holds. @param pressed The device's E-stop button is down. Loop, every cycle. @realtime Yes.
   [[nodiscard]] bool estopped(bool pressed) noexcept RTBUS_NONBLOCKING {
     const std::uint64_t rearms = rearms_.load(std::memory_order_acquire);
-    if (rearms != rearms_seen_) {
+    if (rearms_seen_ == kNoOrders) {
+      rearms_seen_ = rearms;  // where the count stood before this node was there
+    } else if (rearms > rearms_seen_) {
       rearms_seen_ = rearms;
-      by_button_ = false;
+      estopped_ = false;
     }
-    by_button_ = by_button_ || pressed;
-    return by_button_ || estop_.load(std::memory_order_relaxed);
+    estopped_ = estopped_ || pressed || estop_.load(std::memory_order_relaxed);
+    return estopped_;
   }
 
   /// The gains that are wanted now, as ordered: not yet limited. @realtime Yes.
@@ -80,11 +83,12 @@ class OrderBox {
   LatestCell<ExtraForce> extra_;
   std::atomic<std::uint64_t> clutched_until_ns_{0};
   std::atomic<bool> estop_{false};
-  std::atomic<std::uint64_t> rearms_{0};
+  static constexpr std::uint64_t kNoOrders = ~std::uint64_t{0};  ///< Above every count that is sane.
+  std::atomic<std::uint64_t> rearms_{kNoOrders};
   std::atomic<double> stiffness_n_per_m_{0.0}, damping_n_s_per_m_{0.0};
   // Loop's thread.
-  std::uint64_t rearms_seen_ = 0;
-  bool by_button_ = false;
+  std::uint64_t rearms_seen_ = kNoOrders;
+  bool estopped_ = false;
   ExtraForce now_extra_;
 };
 

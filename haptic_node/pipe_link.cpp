@@ -26,7 +26,9 @@ void PipeLink::run(const std::atomic<bool>& stop) noexcept {
     }
     if (pipe && hand_out_.take(hand)) (void)pipe->send(hand);
     while (pipe && !pipe->broken() && rtbus::monotonic_ns() < due_ns && !stop.load(std::memory_order_relaxed)) {
+      const std::uint64_t refused_before = pipe->refused();
       if (pipe->receive_newest(due_ns, proxy)) proxy_in_.put(proxy);
+      refused_.fetch_add(pipe->refused() - refused_before, std::memory_order_relaxed);
     }
     rtbus::sleep_until(due_ns);
   }

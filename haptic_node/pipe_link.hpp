@@ -28,6 +28,11 @@ class PipeLink {
     return proxy_in_.take(out);
   }
 
+  /// Samples of physics that were not sane, since the start. @realtime Yes.
+  [[nodiscard]] std::uint64_t refused() const noexcept RTBUS_NONBLOCKING {
+    return refused_.load(std::memory_order_relaxed);
+  }
+
   /// Until `stop`: one packet per period, answers as they come; connects, and connects anew after physics restarted.
   /// @realtime No.
   void run(const std::atomic<bool>& stop) noexcept;
@@ -39,6 +44,7 @@ class PipeLink {
   std::uint64_t sent_ = 0;  ///< Of the loop's thread.
   LatestCell<rtbus::Stamped<rtbus::DeviceState>> hand_out_;
   LatestCell<rtbus::Stamped<rtbus::ProxyState>> proxy_in_;
+  std::atomic<std::uint64_t> refused_{0};
 };
 
 }  // namespace haptic

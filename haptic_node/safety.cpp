@@ -115,7 +115,8 @@ void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
 
 double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept {
   const bool open = input.enabled && input.link_alive && !input.estop;
-  if (input.estop) ever_open_ = false;  // afterwards as at the start
+  // Afterwards as at the start: nobody knows what the hand did meanwhile.
+  if (input.estop || !input.device_ok || (!input.enabled && !input.clutched)) ever_open_ = false;
   if (open) {
     fading_ = false;
   } else if (!fading_) {

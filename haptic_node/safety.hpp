@@ -28,7 +28,7 @@ struct SafetyConfig {
   double stiffness_n_per_m =
       0.0;                    ///< Of the coupling: the slew limit of a force against the motion is larger by 4·K·|v|.
   double workspace_m = 0.0;   ///< Diagonal of the device's workspace.
-  double start_ramp_s = 0.2;  ///< 0 → 1 after enable, and after an E-stop.
+  double start_ramp_s = 0.2;  ///< 0 → 1 after enable, an E-stop, and a device that was lost.
   double resume_ramp_s = 0.1;  ///< 0 → 1 after a loss, an overspeed cut or a clutch.
   double overspeed_m_s = 2.0;
   double stale_fade_s = 0.04;     ///< 1 → 0 once loss is declared.
@@ -69,6 +69,7 @@ struct SafetyInput {
   std::uint64_t sample_time_ns = 0;  ///< When position_m was measured; unchanged: no new measurement.
   bool enabled = false;              ///< The user wants forces (and no clutch is pressed).
   bool estop = false;                ///< An E-stop holds.
+  bool clutched = false;             ///< Not enabled by a clutch alone: the shorter ramp follows.
   bool link_alive = false;           ///< Physics is alive, or the method does not need it.
   bool device_ok = false;            ///< The sample of this cycle is good.
 };

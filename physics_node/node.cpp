@@ -208,6 +208,7 @@ void Node::count_step(std::uint64_t compute_ns, std::uint64_t due, double wall_s
   simulated_s_.store(stepper_->simulated_s(), std::memory_order_relaxed);
   std::uint64_t ignored = stepper_->ignored_states();
   for (const auto& device_state : topics_->device_states) ignored += device_state->refused();
+  for (const auto& pipe : topics_->pipes) ignored += pipe.refused();
   ignored_.store(ignored, std::memory_order_relaxed);
   recoveries_.store(stepper_->world().recoveries(), std::memory_order_relaxed);
   if (late) late_.fetch_add(1, std::memory_order_relaxed);

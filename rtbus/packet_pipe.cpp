@@ -27,7 +27,8 @@ PacketPipe::PacketPipe(PacketPipe&& other) noexcept
       out_(std::exchange(other.out_, -1)),
       path_(std::move(other.path_)),
       server_(std::exchange(other.server_, false)),
-      broken_(other.broken_) {}
+      broken_(other.broken_),
+      refused_(other.refused_) {}
 
 PacketPipe::~PacketPipe() {
   if (in_ >= 0) ::close(in_);
@@ -88,8 +89,11 @@ bool PacketPipe::read_packet(void* bytes, std::size_t size) noexcept {
   do {
     got = ::read(in_, bytes, size);
   } while (got < 0 && errno == EINTR);
-  if (got == 0 && !server_) broken_ = true;                   // the server has closed its end
-  if (got > 0 && got != static_cast<ssize_t>(size)) drain();  // another program's bytes: find the border again
+  if (got == 0 && !server_) broken_ = true;            // the server has closed its end
+  if (got > 0 && got != static_cast<ssize_t>(size)) {  // another program's bytes: find the border again
+    ++refused_;
+    drain();
+  }
   return got == static_cast<ssize_t>(size);
 }
 

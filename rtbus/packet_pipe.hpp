@@ -5,7 +5,7 @@
 ///
 /// Each packet is one Stamped<T> behind a header that names its type, shorter than PIPE_BUF, so that it arrives whole
 /// or not at all (POSIX, write()). Nothing that is read is trusted: a header that does not fit empties the pipe, and a
-/// sample that is not sane is dropped.
+/// sample that is not sane is dropped; both are counted.
 #include <unistd.h>
 
 #include <cstdint>
@@ -52,18 +52,24 @@ class PacketPipe {
     const Header expected = header_of<T>();
     while (read_packet(bytes, sizeof bytes)) {
       if (std::memcmp(bytes, &expected, sizeof expected) != 0) {
+        ++refused_;
         drain();
         return got;
       }
       Stamped<T> packet;
       std::memcpy(&packet, bytes + sizeof expected, sizeof packet);
-      if (!sane_stamp(packet.stamp_ns) || !sane(packet.value, packet.stamp_ns)) continue;
+      if (!sane_stamp(packet.stamp_ns) || !sane(packet.value, packet.stamp_ns)) {
+        ++refused_;
+        continue;
+      }
       out = packet;
       got = true;
     }
     return got;
   }
 
+  /// Packets that were not sane, or no packets of this type, since this end was opened.
+  [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
   /// The other end has gone (client only); connect anew.
   [[nodiscard]] bool broken() const noexcept { return broken_; }
 
@@ -91,6 +97,7 @@ class PacketPipe {
   std::string path_;  ///< Without the direction.
   bool server_ = false;
   bool broken_ = false;
+  std::uint64_t refused_ = 0;
 };
 
 }  // namespace rtbus

@@ -44,6 +44,12 @@ void expect_promises(const FaultRow& row, const FaultOutcome& out) {
     ASSERT_GE(out.zero_ms, 0.0);
     EXPECT_LE(out.zero_ms, row.zero_ms + 2.0 * out.pause_ms + 5.0);
   }
+  if (row.held) {
+    EXPECT_LE(out.felt_until_ms, row.zero_ms + 2.0 * out.pause_ms + 5.0) << "while the fault lasts";
+  }
+  if (row.feels == Feels::kNothing) {
+    EXPECT_GE(out.lowest_n, 0.5 * out.before_n);
+  }
   EXPECT_LE(out.peak_n, out.limit_n);
   if (row.ends == Ends::kComesBack) {
     EXPECT_GE(out.back_ms, 0.0) << "the session resumes by itself";
@@ -51,6 +57,7 @@ void expect_promises(const FaultRow& row, const FaultOutcome& out) {
     // up what the ramp did meanwhile. A step would be near 100 %/ms.
     EXPECT_LE(out.growth_per_ms, 0.10 + 0.02 * out.pause_ms) << "share of the peak per ms";
   } else {
+    EXPECT_GE(out.zero_ms, 0.0);
     EXPECT_EQ(out.after_zero_n, 0.0);
   }
   if (row.exit_status == FaultRow::kAnyFailure) {
@@ -129,6 +136,7 @@ TEST(FaultRows, HaveNamesOfTheirOwnAndSayWhatTheyDo) {
     EXPECT_TRUE(names.insert(row.name).second) << row.name;
     EXPECT_FALSE(row.what.empty()) << row.name;
     EXPECT_EQ(row.feels == Feels::kZero, row.zero_ms > 0.0) << row.name;
+    EXPECT_TRUE(!row.held || row.feels == Feels::kZero) << row.name;
     EXPECT_EQ(static_cast<bool>(row.happen), row.ends != Ends::kNeverStarts) << row.name;
   }
 }

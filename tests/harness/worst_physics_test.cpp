@@ -88,6 +88,15 @@ TEST_P(WorstSearchOf, FindsNothingBeyondTheBounds) {
 INSTANTIATE_TEST_SUITE_P(Methods, WorstSearchOf, testing::Values("remote_virtual_coupling", "local_contact"),
                          [](const auto& each) { return std::string(each.param); });
 
+TEST(GrowthOfAForce, CountsWhatTurnsAroundAndNotWhatFalls) {
+  const Eigen::Vector3d up(0.0, 7.0, 0.0);
+  EXPECT_NEAR(tools::growth_n(up, {0.0, 9.0, 0.0}), 2.0, 1e-12);
+  EXPECT_NEAR(tools::growth_n(up, {0.0, 1.0, 0.0}), 0.0, 1e-12);
+  EXPECT_NEAR(tools::growth_n(up, {0.0, -7.0, 0.0}), 7.0, 1e-12);
+  EXPECT_NEAR(tools::growth_n(up, {3.0, 4.0, 0.0}), 3.0, 1e-12) << "fallen along its line, and 3 N to the side";
+  EXPECT_NEAR(tools::growth_n(Eigen::Vector3d::Zero(), {0.0, 0.0, 2.0}), 2.0, 1e-12);
+}
+
 // A bound that holds whatever the ladder does would hold without it too.
 TEST(PowerBound, FollowsTheDeviceAndTheWindow) {
   auto session = rtbus::config::load_session(kSession);

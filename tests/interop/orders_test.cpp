@@ -8,6 +8,7 @@
 
 #include "rtbus/order_client.hpp"
 #include "rtbus/order_messages.hpp"
+#include "rtbus/parent_death.hpp"
 #include "tests/support/nodes.hpp"
 
 namespace {
@@ -22,10 +23,13 @@ class Ordered : public Nodes {
     Nodes::SetUp();
     folder_ = testing::TempDir() + bus_.name;
     std::filesystem::create_directory(folder_);
+    write_device("", "");
+  }
+  void write_device(const std::string& keys, const std::string& of_hand) {
     std::ofstream(folder_ + "/device.yaml")
         << "schema: device/1\ndriver: simulated\nmodel: phantom_desktop\nmechanics: {coulomb_n: 0}\n"
-        << "hand: {type: push, impedance: normal, start_m: [0, 0.020, 0], direction: [0, -1, 0], distance_m: 0.025, "
-        << "speed_m_s: 0.05, start_s: 0.2}\n";
+        << keys << "hand: {type: push, impedance: normal, start_m: [0, 0.020, 0], direction: [0, -1, 0], "
+        << "distance_m: 0.025, speed_m_s: 0.05, start_s: 0.2" << of_hand << "}\n";
   }
   void TearDown() override {
     if (run_) run_->end(SIGINT);  // killed, it would leave its nodes to end by themselves
@@ -69,6 +73,16 @@ class Ordered : public Nodes {
     return peak;
   }
 
+  /// Kills the haptic node, and waits for its successor.
+  void crash_haptic() {
+    auto beats = reader<rtbus::Heartbeat>("haptic0.heartbeat");
+    Stamped<rtbus::Heartbeat> beat;
+    ASSERT_TRUE(beats && beats->read_latest(beat) == ReadStatus::kFresh);
+    ASSERT_EQ(::kill(static_cast<pid_t>(beat.value.pid), SIGKILL), 0);
+    ASSERT_TRUE(eventually(5.0, [&] { return !ticks_->writer_alive(); }));
+    ASSERT_TRUE(eventually(5.0, [&] { return ticks_->writer_alive(); }));
+  }
+
   std::string folder_;
   std::optional<Child> run_;
   std::optional<Reader<Telemetry>> ticks_;
@@ -88,15 +102,55 @@ TEST_F(Ordered, EstopIsZeroWithin100MsHeldOverARestartAndEndsWhenRearmed) {
   EXPECT_LE(zero_ns - ordered_ns, 250 * rtbus::kNsPerMs);
   EXPECT_EQ(peak_n(0.5), 0.0);
   // A node that is started again obeys what was ordered before.
-  auto beats = reader<rtbus::Heartbeat>("haptic0.heartbeat");
-  Stamped<rtbus::Heartbeat> beat;
-  ASSERT_TRUE(beats && beats->read_latest(beat) == ReadStatus::kFresh);
-  ASSERT_EQ(::kill(static_cast<pid_t>(beat.value.pid), SIGKILL), 0);
-  ASSERT_TRUE(eventually(5.0, [&] { return !ticks_->writer_alive(); }));
-  ASSERT_TRUE(eventually(5.0, [&] { return ticks_->writer_alive(); }));
+  ASSERT_NO_FATAL_FAILURE(crash_haptic());
   EXPECT_EQ(peak_n(1.0), 0.0);
   ASSERT_EQ(rtbus({"estop", "--rearm"}), 0) << said();
   EXPECT_TRUE(follow(*ticks_, 3.0, [](const auto& tick) { return norm(tick.value.force_n) > 0.5; }));
+}
+
+TEST_F(Ordered, EstopByAButtonOfTheDeviceIsHeldOverARestartOfItsNode) {
+  // The device has a process of its own: its button is not pressed again when the node is started again.
+  write_device("process: own\n", ", buttons: [{time_s: 5, button: 1}, {time_s: 5.2, button: 1, pressed: false}]");
+  start({"--set", "haptic.0.estop_button=1"});
+  ASSERT_TRUE(follow(*ticks_, 20.0, [](const auto& tick) { return (tick.value.buttons & 2u) != 0; }));
+  ASSERT_TRUE(follow(*ticks_, 5.0, [](const auto& tick) {
+    return (tick.value.buttons & 2u) == 0 && norm(tick.value.force_n) == 0.0;
+  }));
+  ASSERT_NO_FATAL_FAILURE(crash_haptic());
+  EXPECT_EQ(peak_n(1.5), 0.0);
+  EXPECT_THAT(order(R"({"order": "state"})"), HasSubstr("button of haptic0"));
+  ASSERT_EQ(rtbus({"estop", "--rearm"}), 0) << said();
+  EXPECT_TRUE(follow(*ticks_, 5.0, [](const auto& tick) { return norm(tick.value.force_n) > 0.5; }));
+  EXPECT_THAT(order(R"({"order": "state"})"), HasSubstr("\"estop\":false")) << "one press is one E-stop";
+}
+
+/// Without a supervisor; the test orders.
+TEST_F(Nodes, BeginUnderAnEstopThatWasOrderedBeforeTheirFirstCycle) {
+  auto orders = rtbus::Writer<rtbus::Orders>::create(bus_, "haptic0.orders", {.capacity = 4});
+  ASSERT_TRUE(orders);
+  rtbus::Orders estop;
+  estop.estop = 1;
+  orders->publish(estop, rtbus::monotonic_ns());
+  ASSERT_EQ(::setenv(rtbus::kSupervisorVariable, std::to_string(::getpid()).c_str(), 1), 0);
+  // `direct` waits for nobody: its force would come with the first cycle.
+  haptic_.emplace(command("haptic_node", {"--telemetry", "--set", "haptic.0.method=direct"}), "/dev/null");
+  ::unsetenv(rtbus::kSupervisorVariable);
+  std::optional<Reader<Telemetry>> ticks;
+  ASSERT_TRUE(eventually(10.0, [&] {
+    auto opened = Reader<Telemetry>::open(bus_, "haptic0.telemetry", {.presence = true, .from_oldest = true});
+    if (opened) ticks.emplace(std::move(*opened));
+    return ticks.has_value();
+  }));
+  constexpr std::uint32_t kEstopBit = 1u << 10;  // haptic::kEstop, as docs/safety.md lists the bits
+  std::uint64_t seen = 0, with_estop = 0, first = 0;
+  (void)follow(*ticks, 10.0, [&](const auto& tick) {
+    if (seen++ == 0) first = tick.value.tick;
+    if ((tick.value.safety & kEstopBit) != 0) ++with_estop;
+    return seen == 200;
+  });
+  EXPECT_EQ(first, 1u) << "the first cycle";
+  EXPECT_EQ(seen, 200u);
+  EXPECT_EQ(with_estop, seen);
 }
 
 TEST_F(Ordered, GainsChangeOnlyWhereTheSessionAllowsAndWithoutAStep) {

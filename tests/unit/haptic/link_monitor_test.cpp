@@ -56,6 +56,19 @@ TEST(LinkMonitor, WaitsForASlowEngine) {
   EXPECT_FALSE(monitor.update(1660 * rtbus::kNsPerMs));
 }
 
+TEST(LinkMonitor, GivesAStepThatTookTooLongNoMoreTimeForTheNext) {
+  LinkMonitor monitor({});
+  // Declared 1 kHz; the last step took 2 s, and so does the one under way.
+  monitor.proxy(1000 * rtbus::kNsPerMs);
+  std::uint64_t now = 1000 * rtbus::kNsPerMs;
+  do {
+    now += rtbus::kNsPerMs;
+    monitor.heartbeat(running(1e-3, 2.0), now);
+  } while (monitor.update(now) && now < 3000 * rtbus::kNsPerMs);
+  EXPECT_NEAR(static_cast<double>(now - 1000 * rtbus::kNsPerMs) * 1e-6, 101.0, 1.0);
+  EXPECT_TRUE(monitor.too_far_behind(501 * rtbus::kNsPerMs)) << "nor may its answers be older";
+}
+
 TEST(LinkMonitor, TakesAFarewellAtOnce) {
   LinkMonitor monitor({});
   monitor.heartbeat(running(1e-3), 1000 * rtbus::kNsPerMs);

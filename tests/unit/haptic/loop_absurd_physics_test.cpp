@@ -28,7 +28,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
     ++proxy_.value.step_index;
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept RTBUS_NONBLOCKING override {
-    if (proxy_.sequence == 0) return false;
+    if (silent || proxy_.sequence == 0) return false;
     out = proxy_;
     out.value.device_time_ns = sample_time_ns_ - lag_ns;
     out.value.position_m = position_m;
@@ -38,7 +38,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
   }
   /// There is nothing near the tool.
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept RTBUS_NONBLOCKING override {
-    if (proxy_.sequence == 0) return false;
+    if (silent || proxy_.sequence == 0) return false;
     out = {};
     out.sequence = proxy_.sequence;
     out.stamp_ns = proxy_.stamp_ns;
@@ -48,7 +48,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
     return true;
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
-    if (proxy_.sequence == 0) return false;
+    if (silent || proxy_.sequence == 0) return false;
     out.stamp_ns = proxy_.stamp_ns;
     out.value.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
     out.value.work_period_ns = step_ns;
@@ -58,6 +58,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
   rtbus::Vec3 position_m{};
   rtbus::Vec3 hand_force_n{};
   double coupling_work_j = 0.0;
+  bool silent = false;
   std::uint64_t lag_ns = 0, contacts_lag_ns = 0;
   std::uint64_t step_ns = kPeriod_ns;  ///< That it declares.
 
@@ -151,6 +152,27 @@ TEST_P(AbsurdPhysics, IsNotFeltWhileItAnswersAHandOfTwoSecondsAgo) {
   link_.lag_ns = 0;
   run(2000);
   EXPECT_NEAR(device_.taken_n[1], sensible_n, 1e-3 * sensible_n);
+}
+
+TEST_P(AbsurdPhysics, IsNotFeltWithItsFirstAnswerAfterALoss) {
+  talk_sense();
+  run(3000);
+  ASSERT_GT(device_.taken_n[1], 0.1);
+  link_.silent = true;
+  run(300);
+  ASSERT_EQ(device_.taken_n[1], 0.0);
+  ASSERT_EQ(loop_.stats().losses, 1u);
+  // It is there again with an answer to a hand from before the loss.
+  link_.silent = false;
+  link_.lag_ns = 250'000'000;
+  most_n_ = 0.0;
+  run(1);
+  EXPECT_EQ(loop_.take_event(), haptic::LoopEvent::kLinkAlive);
+  run(200);
+  EXPECT_EQ(most_n_, 0.0);
+  link_.lag_ns = 0;
+  run(1000);
+  EXPECT_GT(device_.taken_n[1], 0.1);
 }
 
 TEST_P(AbsurdPhysics, IsFeltWhenItIsSlowOrFarAway) {

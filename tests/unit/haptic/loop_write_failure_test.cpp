@@ -71,7 +71,7 @@ TEST_P(WriteFailure, IsFollowedByARampAndNotByAStep) {
     if (!half) ++ticks_to_half;
   });
   EXPECT_NEAR(device_.taken_n[1], pressed_n, 0.01 * pressed_n) << "the force comes back by itself";
-  EXPECT_GE(ticks_to_half, 50) << "over the ramp";
+  EXPECT_GE(ticks_to_half, 100) << "over the start ramp of 200 ms";
   EXPECT_LE(steepest_n, 0.03 * pressed_n) << "per tick";
   EXPECT_EQ(count(haptic::LoopEvent::kDeviceBack), 1);
 }

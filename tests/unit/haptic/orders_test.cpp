@@ -40,6 +40,29 @@ TEST(OrderBox, HoldsAPressOfTheButtonUntilItIsRearmed) {
   EXPECT_FALSE(box.estopped(false));
 }
 
+TEST(OrderBox, ReleasesAnEstopOnlyWhenTheCountOfRearmsHasGrown) {
+  OrderBox box({300.0, 1.0});
+  box.set(orders(true, 3));
+  EXPECT_TRUE(box.estopped(false));
+  box.set(orders(false, 3));
+  EXPECT_TRUE(box.estopped(false)) << "a sample without an E-stop, and without a re-arm";
+  box.set(orders(false, 2));
+  EXPECT_TRUE(box.estopped(false)) << "a count that has fallen is none of ours";
+  box.set(orders(false, 4));
+  EXPECT_FALSE(box.estopped(false));
+  box.set(orders(true, 5));
+  EXPECT_TRUE(box.estopped(false)) << "re-armed and ordered again in between";
+}
+
+TEST(OrderBox, HoldsAPressFromBeforeTheFirstOrdersOfASessionThatWasRearmedBefore) {
+  OrderBox box({300.0, 1.0});
+  EXPECT_TRUE(box.estopped(true));
+  box.set(orders(false, 1));
+  EXPECT_TRUE(box.estopped(false)) << "that re-arm was of another press";
+  box.set(orders(false, 2));
+  EXPECT_FALSE(box.estopped(false));
+}
+
 TEST(OrderBox, WantsTheConfiguredGainsUntilOthersAreOrdered) {
   OrderBox box({300.0, 1.0});
   EXPECT_EQ(box.wanted(), (Gains{300.0, 1.0}));

@@ -248,6 +248,37 @@ TEST(SafetyLadder, FadesAtAnEstopHoldsZeroAndRampsAsAtTheStartAfterwards) {
   EXPECT_NEAR(cycles, 200, 2) << "the start ramp, not the shorter one after a loss";
 }
 
+/// Cycles until the whole force is there.
+int cycles_of_the_ramp(SafetyLadder& ladder) {
+  int cycles = 0;
+  SafetyOutput out;
+  do {
+    out = step(ladder, healthy({0.0, 1.0, 0.0}));
+    ++cycles;
+  } while (out.force_n.y() < 1.0 - 1e-9 && cycles < 1000);
+  return cycles;
+}
+
+TEST(SafetyLadder, RampsAsAtTheStartAfterADeviceThatWasLostAndAfterTheButtonOfTheUser) {
+  SafetyLadder ladder = opened();
+  for (int k = 0; k < 10; ++k) (void)step(ladder, healthy({0.0, 1.0, 0.0}));
+  SafetyInput lost = healthy({0.0, 1.0, 0.0});
+  lost.device_ok = lost.enabled = false;  // as the loop has it
+  (void)step(ladder, lost);
+  EXPECT_NEAR(cycles_of_the_ramp(ladder), 200, 2) << "a single tick without the device";
+  SafetyInput disabled = healthy({0.0, 1.0, 0.0});
+  disabled.enabled = false;
+  for (int k = 0; k < 100; ++k) (void)step(ladder, disabled);
+  EXPECT_NEAR(cycles_of_the_ramp(ladder), 200, 2) << "let go, and pressed again";
+  disabled.clutched = true;
+  for (int k = 0; k < 100; ++k) (void)step(ladder, disabled);
+  EXPECT_NEAR(cycles_of_the_ramp(ladder), 100, 2) << "a clutch";
+  SafetyInput stale = healthy({0.0, 1.0, 0.0});
+  stale.link_alive = false;
+  for (int k = 0; k < 100; ++k) (void)step(ladder, stale);
+  EXPECT_NEAR(cycles_of_the_ramp(ladder), 100, 2) << "a loss of physics";
+}
+
 TEST(SafetyLadder, LetsAnOrdinaryForceThroughUntouched) {
   SafetyLadder ladder = opened();
   const SafetyOutput out = step(ladder, healthy({0.5, -1.0, 0.25}));

@@ -4,6 +4,8 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <limits>
+
 #include "rtbus/clock.hpp"
 #include "rtbus/messages.hpp"
 
@@ -53,9 +55,22 @@ TEST(PacketPipe, DropsPacketsOfAnotherTypeAndBytesOfAnotherProgram) {
   ASSERT_TRUE(client->send(Stamped<rtbus::ProxyState>{}));
   Stamped<rtbus::DeviceState> got;
   EXPECT_FALSE(server->receive_newest(soon(), got));
+  EXPECT_EQ(server->refused(), 1u);
   ASSERT_TRUE(client->send(Stamped<rtbus::DeviceState>{9, 0, {}})) << "and goes on with good ones";
   ASSERT_TRUE(server->receive_newest(soon(), got));
   EXPECT_EQ(got.sequence, 9u);
+}
+
+TEST(PacketPipe, DropsSamplesThatAreNotSaneAndCountsThem) {
+  auto server = PacketPipe::serve(session(), "haptic0");
+  auto client = PacketPipe::connect(session(), "haptic0");
+  ASSERT_TRUE(server && client);
+  Stamped<rtbus::DeviceState> wrong;
+  wrong.value.position_m[1] = std::numeric_limits<double>::quiet_NaN();
+  ASSERT_TRUE(client->send(wrong));
+  Stamped<rtbus::DeviceState> got;
+  EXPECT_FALSE(server->receive_newest(soon(), got));
+  EXPECT_EQ(server->refused(), 1u);
 }
 
 TEST(PacketPipe, NeverWaitsForAReaderThatDoesNotRead) {

@@ -309,6 +309,9 @@ void Run::follow() {
       return;
     }
     drain();
+    for (const auto& observer : observers_) {
+      desk_->heed_device(observer->config(), observer->estop_pressed_ns(), observer->estop_acted_ns());
+    }
     start_bare_loop();
     show();
     const std::uint64_t now_ns = rtbus::monotonic_ns();

@@ -19,7 +19,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::uint64_t kRepeat_ns = rtbus::kNsPerS;  // the topic of a node that starts anew
+constexpr std::uint64_t kRepeat_ns = rtbus::kNsPerS;      // the topic of a node that starts anew
+constexpr std::uint64_t kRearmTaken_ns = 2 * kRepeat_ns;  // every node has heard of it by then
 constexpr std::uint64_t kSlice_ns = 20 * rtbus::kNsPerMs;
 constexpr std::size_t kLongestReason = 95;
 constexpr double kLongestHold_s = static_cast<double>(rtbus::Orders::kLongestHold_ns) * 1e-9;
@@ -183,6 +184,15 @@ json OrderDesk::estop(const json& order) {
   return state();
 }
 
+void OrderDesk::heed_device(const haptic::HapticConfig& haptic, std::uint64_t pressed_ns, std::uint64_t stopped_ns) {
+  const std::string source = "button of " + haptic.name;
+  if (nodes_.empty() || holders_.holds(source)) return;
+  // The stage itself tells of a press whose ticks were lost. It goes on for a little after a re-arm was published.
+  const bool pressed = pressed_ns > rearmed_ns_;
+  const bool stopped = !holders_.any() && stopped_ns > rearmed_ns_ + (rearmed_ns_ == 0 ? 0 : kRearmTaken_ns);
+  if (pressed || stopped) stop(source, source);
+}
+
 json OrderDesk::rearm(const json& order) {
   if (order.contains("source")) {
     // A program takes back its own E-stop, nobody else's.
@@ -197,6 +207,7 @@ json OrderDesk::rearm(const json& order) {
   }
   holders_.clear();
   ++counts_.rearms;
+  rearmed_ns_ = rtbus::monotonic_ns();
   for (Node& node : nodes_) {
     ++node.orders.rearms;
     node.orders.estop = 0;

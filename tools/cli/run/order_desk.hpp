@@ -28,6 +28,11 @@ class OrderDesk {
   /// Takes orders for `duration_ns`, or until a signal comes; keeps the topics alive. @returns false when interrupted.
   bool serve(std::uint64_t duration_ns);
 
+  /// What the telemetry of a node told of E-stops, however old it is: a node that crashes forgets its button, the
+  /// orders do not. Call it again and again. @param pressed_ns When its E-stop button was last down; 0: never. @param
+  /// stopped_ns When an E-stop last acted on its force; 0: never.
+  void heed_device(const haptic::HapticConfig& haptic, std::uint64_t pressed_ns, std::uint64_t stopped_ns);
+
   struct Counts {
     std::uint64_t estops = 0, rearms = 0, adjustments = 0, marks = 0;
   };
@@ -70,6 +75,7 @@ class OrderDesk {
   Holders holders_;         ///< Of the E-stop.
   Leases watches_, gains_;  ///< By source; by key.
   std::uint64_t published_ns_ = 0;
+  std::uint64_t rearmed_ns_ = 0;  ///< 0: never.
 };
 
 }  // namespace tools

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "haptic_node/rendering/registry.hpp"
+#include "haptic_node/safety.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/eigen.hpp"
 
@@ -68,6 +69,13 @@ void HapticObserver::take(const rtbus::Telemetry& tick) {
                tick.rendered_force_n, static_cast<double>(tick.proxy_age_ns) * 1e-6});
 }
 
+void HapticObserver::watch_estop(const rtbus::Telemetry& tick, std::uint64_t stamp_ns) {
+  // Of a device that is lost the loop repeats the last sample: no press.
+  const bool pressed = config_.estop_button >= 0 && ((tick.buttons >> config_.estop_button) & 1u) != 0;
+  if (pressed && (tick.safety & haptic::kDeviceLost) == 0) estop_pressed_ns_ = stamp_ns;
+  if ((tick.safety & haptic::kEstop) != 0) estop_acted_ns_ = stamp_ns;
+}
+
 void HapticObserver::take(const rtbus::ProxyState& proxy) {
   if (proxy.contacts > 0) ++contact_steps_;
   coupling_n_.add(norm(proxy.coupling_force_n));
@@ -83,7 +91,10 @@ void HapticObserver::take(const rtbus::ProxyState& proxy) {
 
 void HapticObserver::drain() {
   // Proxies after ticks: each tick waits for the proxy that follows it, so less waits at a time.
-  while (ticks_.read_next(tick_) == rtbus::ReadStatus::kFresh) take(tick_.value);
+  while (ticks_.read_next(tick_) == rtbus::ReadStatus::kFresh) {
+    take(tick_.value);
+    watch_estop(tick_.value, tick_.stamp_ns);
+  }
   while (proxies_.read_next(proxy_) == rtbus::ReadStatus::kFresh) {
     take(proxy_.value);
     if (first_due_ns_ != 0) {

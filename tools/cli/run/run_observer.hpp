@@ -60,6 +60,10 @@ class HapticObserver {
   [[nodiscard]] const rtbus::NodeInfo& info() const noexcept { return info_.value; }
   [[nodiscard]] const rtbus::Telemetry& last_tick() const noexcept { return tick_.value; }
   [[nodiscard]] double achieved_hz() const noexcept { return stats_.value.achieved_hz; }
+  /// When the tick was published in which the device's E-stop button was last down; 0: none.
+  [[nodiscard]] std::uint64_t estop_pressed_ns() const noexcept { return estop_pressed_ns_; }
+  /// Likewise, in which an E-stop last acted on the force.
+  [[nodiscard]] std::uint64_t estop_acted_ns() const noexcept { return estop_acted_ns_; }
   [[nodiscard]] std::uint64_t observed_ticks() const noexcept { return observed_ticks_; }
 
   [[nodiscard]] const Trace<MotionRow>& motion() const noexcept { return motion_; }
@@ -68,6 +72,7 @@ class HapticObserver {
 
  private:
   void take(const rtbus::Telemetry& tick);
+  void watch_estop(const rtbus::Telemetry& tick, std::uint64_t stamp_ns);
   void take(const rtbus::ProxyState& proxy);
 
   const haptic::HapticConfig& config_;
@@ -85,6 +90,7 @@ class HapticObserver {
   rtbus::Stamped<rtbus::NodeInfo> info_;
   rtbus::Stamped<rtbus::LinkStats> link_;
   std::uint64_t first_due_ns_ = 0;
+  std::uint64_t estop_pressed_ns_ = 0, estop_acted_ns_ = 0;
   std::uint64_t observed_ticks_ = 0;
   double generated_peak_j_ = 0.0;
   double observed_min_j_ = 0.0;

@@ -1,6 +1,7 @@
 // Physics of the user's own (`engine: external`), here in Python, that misbehaves.
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "tools/evaluation/faults/fault_session.hpp"
@@ -19,8 +20,10 @@ void let_fail(FaultSession& cell, const PythonFault& fault) {
     return cell.fail("the engine never began to fail");
   }
   cell.mark_fault_at(rtbus::monotonic_ns() - kTriggerLook_ns);  // it began within the last look
+  const std::uint64_t began_ns = cell.outcome().fault_ns;
   if (fault.ends_in_zero) cell.await_zero();
-  cell.follow(FaultSession::kHold_s);
+  cell.follow(std::max(FaultSession::kHold_s, fault.lasts_s));
+  if (fault.lasts_s > 0.0) cell.mark_over(began_ns + rtbus::ns_of(fault.lasts_s));
 }
 
 FaultRow row_of(const PythonFault& fault) {
@@ -30,6 +33,8 @@ FaultRow row_of(const PythonFault& fault) {
   row.feels = fault.ends_in_zero ? Feels::kZero : Feels::kAnything;
   row.zero_ms = !fault.ends_in_zero ? 0.0 : fault.beats_on ? kHangZero_ms : kLossZero_ms;
   row.restarts_least = row.restarts_most = fault.ends_the_program ? 1 : 0;
+  row.hold_s = fault.lasts_s;
+  row.held = fault.lasts_s > 0.0;
   row.both_methods = false;  // it tells no contacts, which local_contact needs
   row.why_not = [] {
     static const std::string why = why_no_python_engine();

@@ -19,13 +19,17 @@ void each_member(Outcome& outcome, const Visit& visit) {
   visit("zero_ms", outcome.zero_ms);
   visit("lowest_n", outcome.lowest_n);
   visit("after_zero_n", outcome.after_zero_n);
+  visit("felt_until_ms", outcome.felt_until_ms);
   visit("back_ms", outcome.back_ms);
   visit("growth_per_ms", outcome.growth_per_ms);
   visit("pause_ms", outcome.pause_ms);
+  visit("wakeup_ms", outcome.wakeup_ms);
   visit("device_timed_out", outcome.device_timed_out);
   visit("ticks", outcome.ticks);
   visit("due", outcome.due);
   visit("overruns", outcome.overruns);
+  visit("elapsed_s", outcome.elapsed_s);
+  visit("rate_hz", outcome.rate_hz);
   visit("topics", outcome.topics);
   visit("topics_back", outcome.topics_back);
   visit("exit_status", outcome.exit_status);
@@ -46,7 +50,7 @@ void from_json(const nlohmann::json& in, FaultOutcome& outcome) {
   each_member(outcome, [&in](const char* name, auto& member) { in.at(name).get_to(member); });
 }
 
-void judge_trace(std::uint64_t ended_ns, FaultOutcome& out) {
+void judge_trace(std::uint64_t ended_ns, FaultOutcome& out, const std::vector<Span>& without_force) {
   const auto ms_since = [](std::uint64_t from_ns, std::uint64_t to_ns) {
     return rtbus::seconds_between(from_ns, to_ns) * 1e3;
   };
@@ -62,7 +66,12 @@ void judge_trace(std::uint64_t ended_ns, FaultOutcome& out) {
     const Felt& felt = out.trace[i];
     // The last state that is at least one millisecond older.
     while (earlier + 1 < i && felt.time_ns >= out.trace[earlier + 1].time_ns + rtbus::kNsPerMs) ++earlier;
+    if (felt.time_ns <= out.fault_ns || i == 0) out.before_n = felt.force_n;
     if (felt.time_ns < out.fault_ns) continue;
+    for (const Span& span : without_force) {
+      if (felt.force_n == 0.0 || felt.time_ns < span.from_ns || felt.time_ns >= span.to_ns) continue;
+      out.felt_until_ms = std::max(out.felt_until_ms, ms_since(span.from_ns, felt.time_ns));
+    }
     out.lowest_n = std::min(out.lowest_n, felt.force_n);
     if (out.zero_ms >= 0.0) out.after_zero_n = std::max(out.after_zero_n, felt.force_n);
     if (out.zero_ms < 0.0 && felt.force_n == 0.0) out.zero_ms = ms_since(out.fault_ns, felt.time_ns);

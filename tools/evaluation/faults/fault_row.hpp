@@ -45,12 +45,15 @@ struct FaultRow {
   int exit_status = 0;                        ///< Of `rtbus run`; kAnyFailure: other than 0.
   bool quick = true;                          ///< Also with --quick.
   bool alone = false;                         ///< It takes the machine's CPUs: nothing runs beside it.
-  bool own_wakeups = false;                   ///< It delays the haptic loop itself: only the plant tells pauses.
-  bool own_pauses = false;                    ///< It delays the plant too: nothing tells pauses of the machine.
-  double hold_s = 0.0;                        ///< Longer than other rows by so much, for the time limit.
-  bool both_methods = true;                   ///< Else once, with the session's own.
-  std::string session = {};                   ///< A session file beside the usual one; empty: the usual one.
-  std::string (*why_not)() = nullptr;         ///< Why it cannot be run here; empty: it can.
+  bool own_wakeups = false;                   ///< It delays the haptic loop itself: its wake-ups are not judged …
+  bool takes_core = false;             ///< … by taking its CPU, from the witness too: only the plant tells pauses.
+  bool own_pauses = false;             ///< It delays the plant too: nothing tells pauses of the machine.
+  bool held = false;                   ///< With kZero: the force stays at zero until the fault is over.
+  bool counts_ticks = false;           ///< The loop goes on meanwhile, and counts each tick.
+  double hold_s = 0.0;                 ///< Longer than other rows by so much, for the time limit.
+  bool both_methods = true;            ///< Else once, with the session's own.
+  std::string session = {};            ///< A session file beside the usual one; empty: the usual one.
+  std::string (*why_not)() = nullptr;  ///< Why it cannot be run here; empty: it can.
   std::function<void(RunCommand&, const FaultSession&)> prepare = {};
   std::function<void(FaultSession&)> happen = {};
 

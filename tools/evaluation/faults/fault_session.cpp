@@ -25,6 +25,9 @@ constexpr double kSettle_s = 0.3;
 constexpr double kEnd_s = 20.0;
 constexpr double kPressed_n = 0.3;
 constexpr std::size_t kPast = 400;  ///< States of the plant that are kept from before the fault: a tenth of a second.
+/// Of the witness: above all that a session runs, so that nothing of ours can delay it. What delays it all the same is
+/// the machine, or a program that is none of ours.
+constexpr int kWitnessPriority = 98;
 constexpr const char* kRun = "rtbus run";
 
 double norm(const rtbus::Vec3& v) { return std::hypot(v[0], v[1], v[2]); }
@@ -200,6 +203,7 @@ void FaultSession::signal(pid_t process, int number) {
 void FaultSession::stop_for(pid_t process, double seconds) {
   signal(process, SIGSTOP);
   follow(seconds);
+  mark_over(rtbus::monotonic_ns());
   signal(process, SIGCONT);
 }
 
@@ -240,11 +244,20 @@ void FaultSession::await_what_comes() {
   }
 }
 
+void FaultSession::take_pauses(BareLoop& witness) {
+  witness.stop();
+  out_.wakeup_ms = worst_wakeup_ms_;
+  if (setup_.row->takes_core) return;
+  out_.pause_ms = static_cast<double>(witness.wakeup_ns().max()) * 1e-6;
+  // Without the right to a priority above the loop's, nothing tells the machine's delays from ours.
+  if (!witness.grant().fifo && !setup_.row->own_wakeups) out_.pause_ms = std::max(out_.pause_ms, worst_wakeup_ms_);
+}
+
 FaultOutcome FaultSession::run() {
   if (start()) {
-    out_.before_n = force_n();
     forget_the_past();
-    stats_before_ = stats_now_.value;
+    stats_before_ = stats_now_;
+    BareLoop witness({.core = haptic_core(), .priority = kWitnessPriority});
     const std::uint32_t same_node = haptic_beat_now_.value.pid;
     happens_ = true;
     mark_fault();
@@ -252,15 +265,18 @@ FaultOutcome FaultSession::run() {
     if (over_ns_ == 0) over_ns_ = rtbus::monotonic_ns();
     if (out_.problem.empty()) await_what_comes();
     out_.limit_n = info_now_.value.force_limit_n;
-    // A loop that is kept from its work by the fault wakes late without the machine's doing.
-    out_.pause_ms = setup_.row->own_wakeups ? 0.0 : worst_wakeup_ms_;
+    take_pauses(witness);
     if (haptic_beat_now_.value.pid == same_node) {
-      out_.ticks = stats_now_.value.ticks - stats_before_.ticks;
-      out_.due = stats_now_.value.ticks_due - stats_before_.ticks_due;
-      out_.overruns = stats_now_.value.overruns - stats_before_.overruns;
+      const rtbus::LoopStats &now = stats_now_.value, &before = stats_before_.value;
+      out_.ticks = now.ticks - before.ticks;
+      out_.due = now.ticks_due - before.ticks_due;
+      out_.overruns = now.overruns - before.overruns;
+      out_.elapsed_s = rtbus::seconds_between(stats_before_.stamp_ns, stats_now_.stamp_ns);
+      out_.rate_hz = now.rate_hz;
     }
+    if (setup_.row->held && without_force_.empty()) expect_no_force(out_.fault_ns, over_ns_);
   }
-  if (!out_.trace.empty()) judge_trace(over_ns_, out_);
+  if (!out_.trace.empty()) judge_trace(over_ns_, out_, without_force_);
   // Without a force there is nothing that a pause could delay.
   if (setup_.row->own_pauses || setup_.row->ends == Ends::kNeverStarts) out_.pause_ms = 0.0;
   end();

@@ -14,6 +14,7 @@
 #include "rtbus/clock.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/subscription.hpp"
+#include "tools/cli/host/bare_loop.hpp"
 #include "tools/cli/run/supervisor.hpp"
 #include "tools/evaluation/faults/fault_outcome.hpp"
 #include "tools/evaluation/faults/fault_row.hpp"
@@ -54,6 +55,9 @@ class FaultSession {
   void mark_fault_at(std::uint64_t time_ns) { out_.fault_ns = time_ns; }
   /// The fault is over: what the return counts from. Without it: when the row is done.
   void mark_over(std::uint64_t time_ns) { over_ns_ = time_ns; }
+  /// There should be no force from one time to the other, but for the time that zero may take. Without it, of a row
+  /// that is held: while the fault lasts.
+  void expect_no_force(std::uint64_t from_ns, std::uint64_t to_ns) { without_force_.push_back({from_ns, to_ns}); }
   /// The cell could not be run as meant. The first one counts.
   void fail(std::string problem);
 
@@ -91,6 +95,7 @@ class FaultSession {
   [[nodiscard]] bool start();
   [[nodiscard]] bool back() const;
   void await_what_comes();
+  void take_pauses(BareLoop& witness);
   void end();
   [[nodiscard]] bool session_may_end() const noexcept {
     return setup_.row->ends == Ends::kWithSession || setup_.row->ends == Ends::kNeverStarts;
@@ -101,7 +106,8 @@ class FaultSession {
   FaultOutcome out_;
   std::uint64_t over_ns_ = 0;
   double worst_wakeup_ms_ = 0.0;
-  rtbus::LoopStats stats_before_{};
+  std::vector<Span> without_force_;
+  rtbus::Stamped<rtbus::LoopStats> stats_before_;
   pid_t run_pid_ = 0;
   bool happens_ = false, ending_ = false;
   std::string tool_;

@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <deque>
 #include <filesystem>
-#include <limits>
 #include <list>
 #include <map>
 #include <thread>
@@ -15,6 +14,7 @@
 #include "rtbus/config/document.hpp"
 #include "tools/cli/common/interrupt.hpp"
 #include "tools/evaluation/faults/fault_cell.hpp"
+#include "tools/evaluation/faults/fault_checks.hpp"
 
 namespace tools {
 
@@ -24,11 +24,6 @@ constexpr const char* kMethods[] = {"remote_virtual_coupling", "local_contact"};
 constexpr int kTriesPerRun = 3;
 constexpr int kMostBeside = 3;  ///< Cells at a time; each has a loop of 1 kHz and a plant of 4 kHz.
 constexpr std::uint64_t kPollAll_ns = 50 * rtbus::kNsPerMs;
-constexpr double kStillFelt_percent = 50.0;
-/// Of the force, share of its peak. The resume ramp takes 100 ms, so 1 %/ms; the damper on a moving hand adds some, and
-/// a cycle that comes late by a pause catches up what the ramp did meanwhile. A step would be near 100 %/ms.
-constexpr double kGrowth_percent_per_ms = 10.0;
-constexpr double kReturn_ms = 5000.0;
 
 /// A row with one method, and its runs.
 struct Case {
@@ -65,76 +60,6 @@ std::vector<Cell> cells_of(const Case& each, const FaultOutcome& outcome, const 
           static_cast<double>(outcome.processes_left)};
 }
 
-/// The worst of the counted runs; NaN, which passes no check, when there is none.
-template <class Figure>
-double worst(const std::vector<FaultOutcome>& runs, const Figure& figure) {
-  double out = runs.empty() ? std::numeric_limits<double>::quiet_NaN() : figure(runs[0]);
-  for (const FaultOutcome& run : runs) out = std::max(out, figure(run));
-  return out;
-}
-
-/// @param paused Of the runs that were not counted, when none was: the promises to the hand are judged in every run
-/// that was counted, however busy the machine is.
-void check(const FaultRow& row, const std::vector<FaultOutcome>& runs, const MachineLoad& paused,
-           Experiment& experiment) {
-  const std::string id = "faults." + row.name;
-  const auto never = [](double ms) { return ms < 0.0 ? std::numeric_limits<double>::infinity() : ms; };
-  if (row.ends != Ends::kNeverStarts) {
-    experiment.check_at_most(id + ".limit", "largest force, share of the device's limit",
-                             worst(runs, [](const FaultOutcome& run) { return 100.0 * run.peak_n / run.limit_n; }), "%",
-                             100.0 + 1e-6, paused);
-  }
-  if (row.feels == Feels::kZero) {
-    experiment.check_at_most(id + ".zero", "zero force after the fault",
-                             worst(runs, [&](const FaultOutcome& run) { return never(run.zero_ms); }), "ms",
-                             row.zero_ms + 2.0 * kMachinePause_ms, paused);
-  }
-  if (row.feels == Feels::kNothing) {
-    const double most_lost = worst(runs, [](const FaultOutcome& run) { return -100.0 * run.lowest_n / run.before_n; });
-    experiment.check_at_least(id + ".felt", "least force meanwhile, share of the one before", -most_lost, "%",
-                              kStillFelt_percent, paused);
-  }
-  switch (row.ends) {
-    case Ends::kComesBack:
-      experiment.check_at_most(id + ".resumes", "force back after the end of the fault",
-                               worst(runs, [&](const FaultOutcome& run) { return never(run.back_ms); }), "ms",
-                               kReturn_ms, paused);
-      experiment.check_at_most(id + ".growth", "fastest growth of the force, share of the peak",
-                               worst(runs, [](const FaultOutcome& run) { return 100.0 * run.growth_per_ms; }), "%/ms",
-                               kGrowth_percent_per_ms, paused);
-      break;
-    case Ends::kStaysAtZero:
-    case Ends::kWithSession:
-      experiment.check_at_most(id + ".stays_zero", "largest force after the zero",
-                               worst(runs, [](const FaultOutcome& run) { return run.after_zero_n; }), "N", 0.0, paused);
-      break;
-    case Ends::kNeverStarts:
-      experiment.check_at_most(id + ".no_force", "largest force",
-                               worst(runs, [](const FaultOutcome& run) { return run.peak_n; }), "N", 0.0, paused);
-      break;
-  }
-  if (row.ends != Ends::kNeverStarts && row.exit_status <= 1) {
-    const double most = worst(runs, [](const FaultOutcome& run) { return run.restarts + 0.0; });
-    const double least = -worst(runs, [](const FaultOutcome& run) { return -run.restarts + 0.0; });
-    experiment.check_between(id + ".restarts", "nodes restarted", least < row.restarts_least ? least : most, "",
-                             row.restarts_least, row.restarts_most, paused);
-  }
-  const auto wrong_end = [&](const FaultOutcome& run) {
-    const bool as_told = row.exit_status == FaultRow::kAnyFailure ? run.exit_status > 0 && run.exit_status < 128
-                                                                  : run.exit_status == row.exit_status;
-    return (as_told ? 0.0 : 1.0) + run.processes_left;
-  };
-  experiment.check_between(id + ".end", "wrong exit status, and processes left behind", worst(runs, wrong_end), "", 0.0,
-                           0.0, paused);
-  // A supervisor that was killed cannot tidy: `rtbus clean` does, and the next session of the name.
-  if (row.exit_status <= 1) {
-    experiment.check_between(
-        id + ".left", "segments left behind",
-        worst(runs, [](const FaultOutcome& run) { return static_cast<double>(run.left_over.size()); }), "", 0.0, 0.0,
-        paused);
-  }
-}
-
 /// Runs all cases, side by side where they do not disturb each other.
 class Matrix {
  public:
@@ -153,10 +78,10 @@ class Matrix {
   }
 
   void judge() {
-    std::map<const FaultRow*, std::pair<std::vector<FaultOutcome>, MachineLoad>> rows;
+    std::map<const FaultRow*, std::pair<std::vector<FaultOutcome>, double>> rows;
     int paused = 0;
     for (Case& each : cases_) {
-      auto& [outcomes, load] = rows[each.row];
+      auto& [outcomes, paused_ms] = rows[each.row];
       paused += each.paused;
       for (const FaultOutcome& failed : each.failed) experiment_.note(label(each) + ": " + failed.problem);
       // A cell that never ran as meant has not kept its promise, whatever the others did.
@@ -164,13 +89,13 @@ class Matrix {
           "faults." + label(each) + ".ran", "runs that counted", static_cast<double>(each.counted.size()), "",
           options_.runs, options_.runs,
           each.paused > 0 && each.failed.empty() ? MachineLoad{.pause_ms = each.longest_pause_ms} : MachineLoad{});
-      if (each.counted.empty()) load.pause_ms = std::max(load.pause_ms, each.longest_pause_ms);
+      paused_ms = std::max(paused_ms, each.longest_pause_ms);
       std::move(each.counted.begin(), each.counted.end(), std::back_inserter(outcomes));
     }
     for (const Case& each : cases_) {
       const auto found = rows.find(each.row);
       if (found == rows.end()) continue;
-      check(*each.row, found->second.first, found->second.second, experiment_);
+      check_row(*each.row, found->second.first, found->second.second, experiment_);
       rows.erase(found);
     }
     experiment_.add_table(std::move(table_));

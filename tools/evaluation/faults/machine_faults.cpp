@@ -65,6 +65,7 @@ std::vector<FaultRow> machine_faults() {
       {.name = "clock_stepped",
        .what = "the wall clock of all processes is set an hour ahead, then an hour back",
        .feels = Feels::kNothing,
+       .counts_ticks = true,
        .why_not = &why_no_clock,
        .prepare =
            [](RunCommand& command, const FaultSession& cell) {
@@ -92,6 +93,7 @@ std::vector<FaultRow> machine_faults() {
                  .feels = Feels::kAnything,
                  .alone = true,
                  .own_wakeups = true,
+                 .counts_ticks = true,
                  .happen = &take_realtime});
   return out;
 }

@@ -29,16 +29,20 @@ void hang(FaultSession& cell) {
   cell.follow(kHung_s);
   cell.mark_fault_at(cell.physics_beat().last_work_ns);  // its last step
   if (cell.physics_beat().beats < beats + 10) cell.fail("the heartbeat of physics stopped too: this was another fault");
+  cell.mark_over(rtbus::monotonic_ns());
 }
 
-/// Steps of two seconds: half a hertz.
+/// Held for two seconds, twice, and let go for a few steps in between.
 void crawl(FaultSession& cell) {
   for (int step = 0; step < 2; ++step) {
     {
       const auto hung = StoppedThread::stop(cell.physics(), "physics_step");
       if (!hung) return cell.fail(hung.error());
       cell.follow(kSlowStep_s);
-      if (step == 0) cell.mark_fault_at(cell.physics_beat().last_work_ns);
+      const std::uint64_t last_step_ns = cell.physics_beat().last_work_ns;
+      if (step == 0) cell.mark_fault_at(last_step_ns);
+      cell.mark_over(rtbus::monotonic_ns());
+      cell.expect_no_force(last_step_ns, rtbus::monotonic_ns());
     }
     cell.follow(0.005);
   }
@@ -113,20 +117,24 @@ std::vector<FaultRow> node_faults() {
   out.push_back({.name = "physics_stopped",
                  .what = "SIGSTOP to physics_node, SIGCONT 5 s later",
                  .zero_ms = kLossZero_ms,
+                 .held = true,
                  .happen = [](FaultSession& cell) { cell.stop_for(cell.physics(), kLongStop_s); }});
   out.push_back({.name = "engine_hung",
                  .what = "the stepping thread alone is stopped for a second; the heartbeat goes on",
                  .zero_ms = kHangZero_ms,
+                 .held = true,
                  .happen = &hang});
   out.push_back({.name = "physics_half_hertz",
-                 .what = "physics takes 2 s for each step; the heartbeat goes on",
+                 .what = "physics is held for 2 s between steps, twice; the heartbeat goes on",
                  .zero_ms = kHangZero_ms,
+                 .held = true,
                  .happen = &crawl});
   out.push_back({.name = "physics_nan",
                  .what = "answers that are no numbers, for a second, from one who took the place of physics",
                  .zero_ms = kLossZero_ms,
                  .restarts_least = 1,
                  .restarts_most = 2,
+                 .held = true,
                  .prepare =
                      [](RunCommand& command, const FaultSession&) {
                        // The place is free for that long.
@@ -167,16 +175,20 @@ std::vector<FaultRow> node_faults() {
                  .what = "SIGSTOP to haptic_node, SIGCONT 5 s later",
                  .zero_ms = kDeviceZero_ms,
                  .own_wakeups = true,
+                 .held = true,
                  .happen = [](FaultSession& cell) { cell.stop_for(cell.haptic(), kLongStop_s); }});
   out.push_back({.name = "haptic_starved",
                  .what = "a process of SCHED_FIFO 99 computes on the core of the haptic loop for a second",
                  .zero_ms = kDeviceZero_ms,
                  .alone = true,
                  .own_wakeups = true,
+                 .takes_core = true,
+                 .held = true,
                  .happen = [](FaultSession& cell) {
                    const CpuHogs hog(1, cell.haptic_core(), kTopFifo, kStarved_s);
                    if (!hog.run()) return cell.fail("no process of SCHED_FIFO 99 could be had");
                    cell.mark_fault_at(hog.began_ns());
+                   cell.mark_over(hog.began_ns() + rtbus::ns_of(kStarved_s));
                    cell.follow(kStarved_s);
                  }});
   out.push_back({.name = "plant_killed",

@@ -23,6 +23,8 @@ import rtbus
 
 UP = np.array([0.0, 1.0, 0.0])
 
+TAKES_S = []  # that the next steps take
+
 def add_nan():
     UP[:] = np.nan
 
@@ -34,6 +36,8 @@ with rtbus.Engine() as engine:
         if step.index % 10 == 0 and os.path.exists(TRIGGER):
             os.remove(TRIGGER)
             fault()
+        if TAKES_S:
+            time.sleep(TAKES_S.pop())
         for hand in step.hands:
             if hand.spring:
                 velocity, mass = hand.free_step(step.dt)
@@ -69,6 +73,9 @@ std::span<const PythonFault> python_faults() noexcept {
        "while time.monotonic() < end: gc.collect()\n"
        "gc.enable()",
        true, true, false},
+      // A step cannot say how long it takes before it has ended: the fault is in what the next one is believed.
+      {"python_half_hertz", "an engine in Python takes 2 s for each of four steps", "TAKES_S.extend([2.0] * 4)", true,
+       true, false, 7.5},
       {"python_raises", "an engine in Python ends by an exception", "raise RuntimeError('my world broke')", true, false,
        true},
       {"python_prints", "an engine in Python prints 3 MB within a step", "for _ in range(3000): print('x' * 1000)",

@@ -16,6 +16,7 @@ struct PythonFault {
   bool ends_in_zero;       ///< The force goes to zero meanwhile.
   bool beats_on;           ///< Its heartbeat, a native thread, goes on: a hung engine, not a lost one.
   bool ends_the_program;   ///< The session starts it anew.
+  double lasts_s = 0.0;    ///< The force stays at zero for so long; 0: not known.
 };
 
 [[nodiscard]] std::span<const PythonFault> python_faults() noexcept;

@@ -78,6 +78,7 @@ void fill_shared_memory(FaultSession& cell) {
   cell.mark_fault();
   cell.signal(cell.physics(), SIGKILL);
   cell.follow(FaultSession::kHold_s);
+  cell.mark_over(rtbus::monotonic_ns());
   ::unlink(kFiller);
   ::unlink((std::string(kFiller) + "2").c_str());
 }
@@ -160,6 +161,7 @@ std::vector<FaultRow> resource_faults() {
                  .zero_ms = kLossZero_ms,
                  .restarts_least = 1,
                  .restarts_most = 5,
+                 .held = true,
                  .why_not = &why_no_mounts,
                  .prepare = &mount_small_shared_memory,
                  .happen = &fill_shared_memory});

@@ -30,6 +30,7 @@ void estop(FaultSession& cell) {
   if (!reply) return cell.fail(reply.error());
   cell.await_zero();
   cell.follow(FaultSession::kHold_s);
+  cell.mark_over(rtbus::monotonic_ns());
   const auto rearmed = send_order(cell.name(), {{"order", "rearm"}}, 5.0);
   if (!rearmed) cell.fail(rearmed.error());
 }
@@ -70,12 +71,16 @@ std::vector<FaultRow> supervisor_faults() {
                  .what = "SIGSTOP to `rtbus run`, SIGCONT 2 s later",
                  .feels = Feels::kNothing,
                  .happen = [](FaultSession& cell) { cell.stop_for(cell.supervisor(), kStopped_s); }});
-  out.push_back(
-      {.name = "estop", .what = "an E-stop, re-armed a second later", .zero_ms = kEstopZero_ms, .happen = &estop});
+  out.push_back({.name = "estop",
+                 .what = "an E-stop, re-armed a second later",
+                 .zero_ms = kEstopZero_ms,
+                 .held = true,
+                 .happen = &estop});
   out.push_back({.name = "estop_busy",
                  .what = "the same beside two CPU hogs per core",
                  .zero_ms = kEstopZero_ms,
                  .alone = true,
+                 .held = true,
                  .happen = [](FaultSession& cell) { on_a_busy_machine(cell, &estop); }});
   out.push_back({.name = "session_started_twice",
                  .what = "a second `rtbus run` with the name of the session",

@@ -17,6 +17,8 @@ constexpr const char* kMethods[] = {"remote_virtual_coupling", "local_contact"};
 constexpr double kMoreMemory_mib = 8.0;
 /// Back-off of 0.5 s at most, start of the node, ramp; the rest is the machine's.
 constexpr double kReturn_s = 5.0;
+/// 0.1 s: the statistics are told five times a second, and a pause of the machine may delay what they tell.
+constexpr double kTicksTold = 100.0;
 /// A hand that presses and is let go gets back what it has put in. More than this nobody has.
 constexpr double kGiven_j = 0.05;
 
@@ -35,8 +37,9 @@ void check(const std::string& method, const SoakOutcome& out, const MachineLoad&
                            static_cast<double>(out.above_limit), "", 0.0, 0.0);
   experiment.check_at_most(id + ".return", "slowest return of the force after an event", out.slowest_return_s, "s",
                            kReturn_s, during);
-  experiment.check_between(id + ".ticks", "ticks due that were neither served nor counted as overrun",
-                           static_cast<double>(out.due) - static_cast<double>(out.ticks + out.overruns), "", 0.0, 0.0);
+  experiment.check_at_most(id + ".ticks",
+                           "ticks that passed in a life of the loop, neither served nor counted as overrun",
+                           out.ticks_not_told, "", kTicksTold, during);
   experiment.check_at_least(id + ".energy", "least energy that the hand had put in", out.least_absorbed_j, "J",
                             -kGiven_j);
   experiment.check_at_most(id + ".memory", "memory of a program more than at first",

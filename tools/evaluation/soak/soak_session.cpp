@@ -98,9 +98,10 @@ class Soak {
     rtbus::Stamped<rtbus::LoopStats> stats;
     if (stats_->read_latest(stats) == rtbus::ReadStatus::kFresh) {
       // Another life of the loop counts from zero: the one before is over.
-      if (stats.value.ticks_due < last_.ticks_due) bank();
-      last_ = stats.value;
-      out_.least_absorbed_j = std::min(out_.least_absorbed_j, last_.energy_absorbed_j);
+      if (stats.value.ticks_due < last_.value.ticks_due) bank();
+      if (last_.stamp_ns == 0) first_ = stats;
+      last_ = stats;
+      out_.least_absorbed_j = std::min(out_.least_absorbed_j, last_.value.energy_absorbed_j);
     }
     if (observers_) observers_->look();
     (void)order_topic_->read_latest(orders_);
@@ -109,9 +110,15 @@ class Soak {
     order_topic_->maintain();
   }
   void bank() {
-    out_.ticks += last_.ticks;
-    out_.due += last_.ticks_due;
-    out_.overruns += last_.overruns;
+    if (last_.stamp_ns == 0) return;
+    const rtbus::LoopStats &first = first_.value, &last = last_.value;
+    out_.ticks += last.ticks;
+    out_.due += last.ticks_due;
+    out_.overruns += last.overruns;
+    const double passed = last.rate_hz * rtbus::seconds_between(first_.stamp_ns, last_.stamp_ns);
+    const double told =
+        static_cast<double>(last.ticks + last.overruns) - static_cast<double>(first.ticks + first.overruns);
+    out_.ticks_not_told = std::max(out_.ticks_not_told, std::abs(passed - told));
     last_ = {};
   }
 
@@ -311,7 +318,7 @@ class Soak {
   SoakOutcome out_;
   double force_n_ = 0.0;
   std::uint64_t felt_ns_ = 0;
-  rtbus::LoopStats last_{};
+  rtbus::Stamped<rtbus::LoopStats> first_, last_;  ///< Of the present life of the loop.
   pid_t pid_ = 0;
   bool ending_ = false;
   int segments_ = 0, tools_ = 0;

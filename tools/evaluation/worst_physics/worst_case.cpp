@@ -88,8 +88,8 @@ class Judge {
     if (!force_n.allFinite()) ++out_.nonfinite;
     if (norm_n > config_.safety.max_force_n * (1.0 + 1e-9)) ++out_.above_limit;
     out_.peak_n = std::max(out_.peak_n, norm_n);
-    if (force_n.dot(velocity_m_s) >= 0.0) out_.growth_n = std::max(out_.growth_n, norm_n - last_n_);
-    last_n_ = norm_n;
+    if (force_n.dot(velocity_m_s) >= 0.0) out_.growth_n = std::max(out_.growth_n, growth_n(last_n_, force_n));
+    last_n_ = force_n;
     const bool overspeed = (tick.safety & haptic::kOverspeed) != 0;
     if (overspeed && !overspeed_) ++out_.overspeeds;
     overspeed_ = overspeed;
@@ -110,12 +110,18 @@ class Judge {
   const Run& run_;
   const haptic::HapticConfig& config_;
   WorstOutcome& out_;
-  double last_n_ = 0.0;
+  Vector3d last_n_ = Vector3d::Zero();
   bool overspeed_ = false;
   std::vector<double> work_j_;  ///< At each tick.
 };
 
 }  // namespace
+
+double growth_n(const Vector3d& before_n, const Vector3d& now_n) {
+  const double before2 = before_n.squaredNorm();
+  const double left = before2 > 0.0 ? std::clamp(now_n.dot(before_n) / before2, 0.0, 1.0) : 0.0;
+  return (now_n - left * before_n).norm();
+}
 
 double power_bound_w(const haptic::HapticConfig& config, double window_s) {
   const haptic::SafetyConfig& safety = config.safety;

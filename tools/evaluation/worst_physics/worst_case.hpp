@@ -23,6 +23,10 @@ inline constexpr double kRecovery_s = 1.0;
 /// that a free tip can have while force acts, by the overspeed cut.
 [[nodiscard]] double power_bound_w(const haptic::HapticConfig& config, double window_s);
 
+/// By how much a force has grown from one tick to the next: its distance from all that the one before could have fallen
+/// to, min over 0 ≤ s ≤ 1 of |F − s·F_before|. A force that has turned around has grown by all of it.
+[[nodiscard]] double growth_n(const Eigen::Vector3d& before_n, const Eigen::Vector3d& now_n);
+
 struct WorstOutcome {
   std::uint64_t answers = 0;      ///< Hostile ones.
   std::uint64_t nonfinite = 0;    ///< Ticks with a force that is no number …
