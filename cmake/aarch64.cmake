@@ -11,3 +11,5 @@ set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+# What is built and runs while it is built, and the tests. Programs that those start find the emulator through binfmt_misc.
+set(CMAKE_CROSSCOMPILING_EMULATOR qemu-aarch64-static)

@@ -72,23 +72,31 @@ rtbus::Result<std::unique_ptr<ForeignOrders>, std::string> ForeignOrders::open(P
 }
 
 ForeignOrders::ForeignOrders(std::unique_ptr<Topics> topics, std::string session)
-    : topics_(std::move(topics)), session_(std::move(session)), thread_([this] { work(); }) {}
+    : topics_(std::move(topics)), session_(std::move(session)) {}
+
+void ForeignOrders::start() {
+  thread_ = std::thread([this] { work(); });
+}
 
 ForeignOrders::~ForeignOrders() {
   ends_ = true;
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 void ForeignOrders::work() {
   rtbus::name_this_thread("orders");
   while (!ends_) {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
-    follow_estop(now_ns);
-    follow_enable(now_ns);
-    follow_adjustments(now_ns);
-    follow_marks(now_ns);
+    look(now_ns);
     rtbus::sleep_until(now_ns + kLook_ns);
   }
+}
+
+void ForeignOrders::look(std::uint64_t now_ns) {
+  follow_estop(now_ns);
+  follow_enable(now_ns);
+  follow_adjustments(now_ns);
+  follow_marks(now_ns);
 }
 
 void ForeignOrders::stop(const std::string& why) {

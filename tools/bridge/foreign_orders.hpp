@@ -13,7 +13,7 @@
 
 namespace bridge {
 
-/// Takes orders from construction by open() to destruction. Counters: any thread.
+/// Takes orders from start() to destruction. Counters: any thread.
 class ForeignOrders {
  public:
   /// @returns null when the session names no order. The error is a sentence for the user. The participant outlives it.
@@ -21,6 +21,10 @@ class ForeignOrders {
                                                                                        const BridgeConfig& config,
                                                                                        const std::string& session);
   ~ForeignOrders();
+  /// From here on a thread of its own looks at what has come.
+  void start();
+  /// Takes what has come, at that time. By that thread; without it, by one other.
+  void look(std::uint64_t now_ns);
   ForeignOrders(const ForeignOrders&) = delete;
   ForeignOrders& operator=(const ForeignOrders&) = delete;
 

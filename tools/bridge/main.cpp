@@ -167,6 +167,7 @@ int serve(const BridgeCommand& command) {
   if (auto opened = streams.open(*participant); !opened) return failed(opened.error());
   auto orders = bridge::ForeignOrders::open(*participant, config, session);
   if (!orders) return failed(orders.error());
+  if (*orders) (*orders)->start();
   std::printf("rtbus bridge: session %s is on DDS domain %d, network %s%s\n", session.c_str(), config.domain,
               config.network.c_str(), *orders ? "; it takes orders" : "");
   std::fflush(stdout);
