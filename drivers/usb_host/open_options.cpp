@@ -19,9 +19,11 @@ using OpenResult = rtbus::Result<ChannelOpener, DeviceFault>;
 struct Plugged {
   virtual_usb::VirtualDevice virtual_device;
   std::unique_ptr<virtual_usb::UsbfsPort> port;
+  std::shared_ptr<void> watch;  ///< Goes before the port.
 };
 
-OpenResult virtual_opener(const virtual_usb::DeviceMaker& make, const DeviceMatch& match) {
+/// @param context Of the node; null: a tool only asks it something.
+OpenResult virtual_opener(const virtual_usb::DeviceMaker& make, const DeviceMatch& match, const OpenContext* context) {
   const auto function =
       reinterpret_cast<virtual_usb::UsbfsShimFunction>(dlsym(RTLD_DEFAULT, virtual_usb::kUsbfsShimSymbol));
   if (function == nullptr) {
@@ -39,6 +41,9 @@ OpenResult virtual_opener(const virtual_usb::DeviceMaker& make, const DeviceMatc
   auto plugged = std::make_shared<Plugged>();
   plugged->virtual_device = make();
   plugged->port = shim->attach(*plugged->virtual_device.device, plugged->virtual_device.faults);
+  if (context != nullptr && plugged->virtual_device.watch) {
+    plugged->watch = plugged->virtual_device.watch(*plugged->port, context->session, context->node_name);
+  }
   return ChannelOpener([plugged, match](StopFlag& stop) -> rtbus::Result<std::unique_ptr<Channel>, DeviceFault> {
     const int fd = plugged->port->open();
     if (fd < 0) return Failure{DeviceFault{"the virtual device is unplugged"}};
@@ -75,13 +80,13 @@ UsbDeviceConfig::UsbDeviceConfig(IoSettings settings, DeviceMatch match, OpenOpt
 
 std::string UsbDeviceConfig::preload() const { return options_.virtual_device ? virtual_usb::kUsbfsShimLibrary : ""; }
 
-OpenResult UsbDeviceConfig::opener() const {
-  if (options_.virtual_device) return virtual_opener(*options_.virtual_device, match_);
+OpenResult UsbDeviceConfig::opener(const OpenContext* context) const {
+  if (options_.virtual_device) return virtual_opener(*options_.virtual_device, match_, context);
   return ChannelOpener([match = match_](StopFlag& stop) { return LibusbChannel::open(match, stop); });
 }
 
 rtbus::Result<std::unique_ptr<Device>, DeviceFault> UsbDeviceConfig::open(const OpenContext& context) const {
-  auto opener = this->opener();
+  auto opener = this->opener(&context);
   if (!opener) return Failure{opener.error()};
   const IoThread place{.priority = context.loop_priority + 1, .core = context.loop_core};
   return std::unique_ptr<Device>(make_io_device(settings_, place, protocol_, std::move(*opener)));

@@ -63,7 +63,8 @@ class UsbDeviceConfig final : public DeviceConfig {
     return options_.virtual_device ? (*options_.virtual_device)() : virtual_usb::VirtualDevice{};
   }
   /// How the device is reached. For a virtual one: a fresh device, which lives as long as the opener.
-  [[nodiscard]] rtbus::Result<ChannelOpener, DeviceFault> opener() const;
+  /// @param context Of the node that drives it; null: a tool that asks it something.
+  [[nodiscard]] rtbus::Result<ChannelOpener, DeviceFault> opener(const OpenContext* context = nullptr) const;
 
  private:
   IoSettings settings_;

@@ -2,7 +2,7 @@
 
 namespace drivers::virtual_usb {
 
-Faults parse_faults(rtbus::config::Map& settings) {
+Faults parse_faults(rtbus::config::Map& settings, FaultTimes& times) {
   Faults out;
   auto map = settings.optional_map("faults");
   if (!map) return out;
@@ -11,6 +11,7 @@ Faults parse_faults(rtbus::config::Map& settings) {
   out.late_reply = map->number("late_reply", share, out.late_reply);
   out.late_ms = map->number("late_ms", {0.0, 1e4}, out.late_ms);
   out.flip_echo_bit = map->number("flip_echo_bit", share, out.flip_echo_bit);
+  out.flip_reply_bit = map->number("flip_reply_bit", share, out.flip_reply_bit);
   out.fail_handshake = map->number("fail_handshake", share, out.fail_handshake);
   out.split_reply = map->number("split_reply", share, out.split_reply);
   out.merge_reply = map->number("merge_reply", share, out.merge_reply);
@@ -22,6 +23,8 @@ Faults parse_faults(rtbus::config::Map& settings) {
   out.pause_ms = map->number("pause_ms", {0.0, 1e5}, out.pause_ms);
   out.unplug_at_s = map->number("unplug_at_s", {-1.0, 1e6}, out.unplug_at_s);
   out.replug_after_s = map->number("replug_after_s", {-1.0, 1e6}, out.replug_after_s);
+  times.trigger = map->text("trigger", times.trigger);
+  times.for_s = map->number("for_s", {-1.0, 1e5}, times.for_s);
   map->finish();
   return out;
 }

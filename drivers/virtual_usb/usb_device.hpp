@@ -59,6 +59,7 @@ struct Faults {
   double late_reply = 0.0;       ///< Share of replies that come `late_ms` later.
   double late_ms = 5.0;          ///< [ms]
   double flip_echo_bit = 0.0;    ///< Share of echoed bytes with one bit wrong (firmware upload).
+  double flip_reply_bit = 0.0;   ///< Share of the bytes of replies with one bit wrong.
   double fail_handshake = 0.0;   ///< Share of handshakes that get no answer.
   double split_reply = 0.0;      ///< Share of replies split over two packets.
   double merge_reply = 0.0;      ///< Share of replies held back and sent together with the next.

@@ -39,7 +39,7 @@ class UsbfsPort {
 };
 
 /// Raise it when UsbfsPort, UsbDevice, Faults or this table change.
-inline constexpr std::uint32_t kShimAbiVersion = 1;
+inline constexpr std::uint32_t kShimAbiVersion = 2;
 
 struct UsbfsShim {
   std::uint32_t abi_version;

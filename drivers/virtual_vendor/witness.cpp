@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "rtbus/clock.hpp"
-#include "rtbus/eigen.hpp"
 #include "rtbus/publication.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -13,18 +12,6 @@ namespace {
 constexpr std::uint64_t kMaintainNs = 20 * rtbus::kNsPerMs;
 
 }  // namespace
-
-rtbus::PlantState state_of(const simulated::Mechanics& mechanics, std::uint64_t now_ns) {
-  rtbus::PlantState out;
-  out.position_m = out.true_position_m = rtbus::array_of(mechanics.position_m());
-  out.true_velocity_m_s = rtbus::array_of(mechanics.velocity_m_s());
-  out.applied_force_n = rtbus::array_of(mechanics.applied_force_n());
-  out.hand_force_n = rtbus::array_of(mechanics.hand_force_n());
-  out.sample_time_ns = now_ns;
-  out.buttons = mechanics.buttons();
-  out.timed_out = mechanics.timed_out() ? 1 : 0;
-  return out;
-}
 
 Witness::Witness(const UnitSettings& unit, Look look) : unit_(unit), look_(std::move(look)) {
   if (unit_.publish_state) thread_ = std::thread([this] { run(); });

@@ -7,13 +7,11 @@
 #include <functional>
 #include <thread>
 
+#include "drivers/simulated/plant_state.hpp"
 #include "drivers/virtual_vendor/stand_in.hpp"
 #include "rtbus/messages.hpp"
 
 namespace drivers::virtual_vendor {
-
-/// As the simulated plant tells it.
-[[nodiscard]] rtbus::PlantState state_of(const simulated::Mechanics& mechanics, std::uint64_t now_ns);
 
 class Witness {
  public:

@@ -109,7 +109,8 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   integrate(h);
 }
 
-/// Surfaces go on to where physics has them; without news everything comes to rest.
+/// Surfaces go on to where physics has them. Without news everything comes to rest, and so does what the last answer
+/// does not name: a body that moves whatever pushes would take the proxy along for ever.
 void LocalWorld::blend(double h) noexcept {
   const double share = -std::expm1(-h / blend_s_), heap_share = -std::expm1(-h / heap_blend_s_),
                rock_share = -std::expm1(-h / rock_blend_s_);
@@ -130,10 +131,10 @@ void LocalWorld::blend(double h) noexcept {
     ++kept;
   }
   contact_count_ = kept;
-  if (now_ns_ <= good_until_ns_) return;
+  const bool news = now_ns_ <= good_until_ns_;
   const double slower = std::exp(-h / kBrake_s);
   for (Body& body : bodies_) {
-    if (!body.used) continue;
+    if (!body.used || (body.named && news)) continue;
     body.motion.velocity_m_s *= slower;
     body.motion.angular_velocity_rad_s *= slower;
     if (!body.supported) {  // what stands on something is held there by its weight

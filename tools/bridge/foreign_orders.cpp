@@ -102,24 +102,32 @@ rtbus::Result<std::unique_ptr<ForeignOrders>, std::string> ForeignOrders::open(P
 }
 
 ForeignOrders::ForeignOrders(std::unique_ptr<Topics> topics, const std::string& session, OrderCounts& counts)
-    : topics_(std::move(topics)), line_(session, counts), thread_([this] { work(); }) {}
+    : topics_(std::move(topics)), line_(session, counts) {}
+
+void ForeignOrders::start() {
+  thread_ = std::thread([this] { work(); });
+}
 
 ForeignOrders::~ForeignOrders() {
   ends_ = true;
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 void ForeignOrders::work() {
   rtbus::name_this_thread("orders");
   while (!ends_) {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
-    follow_clutches(now_ns);
-    follow_extra_forces(now_ns);
-    follow_targets(now_ns);
-    follow_adjustments(now_ns);
-    follow_marks(now_ns);
+    look(now_ns);
     rtbus::sleep_until(now_ns + kLook_ns);
   }
+}
+
+void ForeignOrders::look(std::uint64_t now_ns) {
+  follow_clutches(now_ns);
+  follow_extra_forces(now_ns);
+  follow_targets(now_ns);
+  follow_adjustments(now_ns);
+  follow_marks(now_ns);
 }
 
 void ForeignOrders::count(bool refused) {

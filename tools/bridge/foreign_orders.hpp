@@ -14,7 +14,7 @@
 
 namespace bridge {
 
-/// Takes orders from construction by open() to destruction.
+/// Takes orders from start() to destruction.
 class ForeignOrders {
  public:
   /// @returns null when the session names none of them. The error is a sentence for the user. The others outlive it.
@@ -23,6 +23,10 @@ class ForeignOrders {
                                                                                        const std::string& session,
                                                                                        OrderCounts& counts);
   ~ForeignOrders();
+  /// From here on a thread of its own looks at what has come.
+  void start();
+  /// Takes what has come, at that time. By that thread; without it, by one other.
+  void look(std::uint64_t now_ns);
   ForeignOrders(const ForeignOrders&) = delete;
   ForeignOrders& operator=(const ForeignOrders&) = delete;
 

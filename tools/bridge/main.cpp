@@ -175,6 +175,8 @@ int serve(const BridgeCommand& command) {
   if (!stops) return failed(stops.error());
   auto orders = bridge::ForeignOrders::open(*participant, config, session, counts);
   if (!orders) return failed(orders.error());
+  if (*stops) (*stops)->start();
+  if (*orders) (*orders)->start();
   std::printf("rtbus bridge: session %s is on DDS domain %d, network %s%s\n", session.c_str(), config.domain,
               config.network.c_str(), config.orders.any() ? "; it takes orders" : "");
   std::fflush(stdout);

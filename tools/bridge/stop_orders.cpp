@@ -50,8 +50,11 @@ rtbus::Result<std::unique_ptr<StopOrders>, std::string> StopOrders::open(Partici
     out->enable_.emplace(*timeout_s);
   }
   if (!out->estop_ && !out->enable_) return std::unique_ptr<StopOrders>();
-  out->thread_ = std::thread([self = out.get()] { self->work(); });
   return out;
+}
+
+void StopOrders::start() {
+  thread_ = std::thread([this] { work(); });
 }
 
 StopOrders::~StopOrders() {
@@ -64,10 +67,14 @@ void StopOrders::work() {
   (void)rtbus::prefer_on_time();
   while (!ends_) {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
-    if (estop_) follow_estop(now_ns);
-    if (enable_) follow_enable(now_ns);
+    look(now_ns);
     rtbus::sleep_until(now_ns + kLook_ns);
   }
+}
+
+void StopOrders::look(std::uint64_t now_ns) {
+  if (estop_) follow_estop(now_ns);
+  if (enable_) follow_enable(now_ns);
 }
 
 void StopOrders::follow_estop(std::uint64_t now_ns) {

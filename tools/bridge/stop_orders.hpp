@@ -37,7 +37,7 @@ class StopWish {
   bool watched_ = false;
 };
 
-/// Takes orders from construction by open() to destruction.
+/// Takes orders from start() to destruction.
 class StopOrders {
  public:
   /// @returns null when the session names none of them. The error is a sentence for the user. The others outlive it.
@@ -46,6 +46,10 @@ class StopOrders {
                                                                                     const std::string& session,
                                                                                     OrderCounts& counts);
   ~StopOrders();
+  /// From here on a thread of its own looks at what has come.
+  void start();
+  /// Takes what has come, at that time. By that thread; without it, by one other.
+  void look(std::uint64_t now_ns);
   StopOrders(const StopOrders&) = delete;
   StopOrders& operator=(const StopOrders&) = delete;
 

@@ -164,7 +164,10 @@ void FalconBoard::answer(const falcon::HostFrame& frame, std::uint64_t time_ns) 
   reply.encoder = arm_.encoders();
   reply.homed = arm_.homed();
   reply.buttons = static_cast<std::uint8_t>(arm_.buttons() & 0x0FU);
-  const falcon::FrameBytes bytes = encode(reply);
+  falcon::FrameBytes bytes = encode(reply);
+  for (std::uint8_t& byte : bytes) {
+    if (draw(faults.flip_reply_bit)) byte ^= static_cast<std::uint8_t>(1U << (random_() % 8));
+  }
   if (!holding_ && draw(faults.merge_reply)) {
     holding_ = true;
     held_ = bytes;

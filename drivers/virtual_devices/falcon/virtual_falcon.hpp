@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/falcon/ftdi.hpp"
+#include "drivers/virtual_devices/bench.hpp"
 #include "drivers/virtual_devices/falcon/falcon_arm.hpp"
 #include "drivers/virtual_devices/falcon/falcon_board.hpp"
 #include "drivers/virtual_usb/kind.hpp"
@@ -19,6 +20,7 @@ struct VirtualFalconSettings {
   FalconArmSettings arm = default_falcon_arm();
   FalconBoardSettings board;
   std::string serial = "VF000001";
+  BenchSettings bench;
 };
 
 /// Powered up at the first time it is handed. One thread at a time.
@@ -39,6 +41,12 @@ class VirtualFalcon final : public UsbDevice {
 
   [[nodiscard]] FalconArm& arm() noexcept { return arm_; }
   [[nodiscard]] FalconBoard& board() noexcept { return board_; }
+  [[nodiscard]] Faults& faults() noexcept { return board_.faults(); }
+  /// Lets time pass without the bus.
+  const simulated::Mechanics& at(std::uint64_t now_ns) {
+    arm_.advance_to(now_ns);
+    return arm_.mechanics();
+  }
   [[nodiscard]] std::uint8_t latency_ms() const noexcept { return latency_ms_; }
   [[nodiscard]] const falcon::ftdi::Baud& baud() const noexcept { return baud_; }
   /// Every control request so far, in order (the first 10,000).

@@ -66,13 +66,14 @@ VirtualFalconSettings read_virtual_falcon(Map& settings) {
                   "lets the grip start beyond ±40, ±40, ±35 mm; move it inside");
   }
   out.board.seed = static_cast<std::uint64_t>(settings.integer("seed", 0, 1'000'000'000, 1));
-  out.board.faults = parse_faults(settings);
+  out.bench = parse_bench(settings);
+  if (out.bench.times.trigger.empty()) out.board.faults = out.bench.faults;
   return out;
 }
 
 DeviceMaker parse_virtual_falcon(Map& settings) {
   VirtualFalconSettings read = read_virtual_falcon(settings);
-  return [read = std::move(read)] { return VirtualDevice{std::make_unique<VirtualFalcon>(read), read.board.faults}; };
+  return [read = std::move(read)] { return on_bench(std::make_unique<VirtualFalcon>(read), read.bench); };
 }
 
 }  // namespace drivers::virtual_usb

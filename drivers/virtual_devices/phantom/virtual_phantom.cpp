@@ -165,7 +165,7 @@ void VirtualPhantom::work_until(std::uint64_t now_ns) {
 
 void VirtualPhantom::damage(std::string& bytes) {
   for (char& byte : bytes) {
-    if (strikes(settings_.faults.flip_echo_bit)) byte = static_cast<char>(byte ^ 0x04);
+    if (strikes(settings_.faults.flip_reply_bit)) byte = static_cast<char>(byte ^ 0x04);
   }
 }
 

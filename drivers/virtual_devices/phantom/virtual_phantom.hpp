@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "drivers/phantom/phantom_models.hpp"
+#include "drivers/virtual_devices/bench.hpp"
 #include "drivers/virtual_devices/phantom/phantom_firmware.hpp"
 #include "drivers/virtual_devices/phantom/virtual_arm.hpp"
 #include "drivers/virtual_usb/kind.hpp"
@@ -33,7 +34,8 @@ struct VirtualPhantomSettings {
   double button_at_s = -1.0;  ///< Press the calibration button for 50 ms, from the first command [s]; < 0: never.
   std::array<double, 3> gimbal_rad{};  ///< What the gimbal shows, in its sensors' zero and sign.
   std::uint64_t seed = 1;              ///< Of the faults' dice.
-  Faults faults;
+  Faults faults;                       ///< From power-up.
+  BenchSettings bench;
 };
 
 /// Made by the reader's defaults: mechanics from the model's published figures, tip at rest in the workspace's centre.
@@ -59,6 +61,11 @@ class VirtualPhantom final : public UsbDevice {
   [[nodiscard]] VirtualArm& arm() noexcept { return arm_; }
   [[nodiscard]] PhantomFirmware& firmware() noexcept { return firmware_; }
   [[nodiscard]] Faults& faults() noexcept { return settings_.faults; }
+  /// As advance_to().
+  const simulated::Mechanics& at(std::uint64_t now_ns) {
+    advance_to(now_ns);
+    return arm_.mechanics();
+  }
   /// Holds or releases the calibration button.
   void hold_button(bool pressed) noexcept { button_held_ = pressed; }
   void set_gimbal(const std::array<double, 3>& rad) noexcept { settings_.gimbal_rad = rad; }

@@ -52,11 +52,15 @@ DeviceMaker parse_virtual_phantom(Map& map) {
   settings.button_at_s = map.number("button_at_s", {-1.0, 86400.0}, -1.0);
   settings.gimbal_rad = rtbus::array_of(read_vector3(map, "gimbal_rad", {-3.2, 3.2}, {0.0, 0.0, 0.0}));
   settings.seed = static_cast<std::uint64_t>(map.integer("seed", 0, 1'000'000'000, 1));
-  settings.faults = parse_faults(map);
-  if (settings.faults.fail_handshake > 0.0) {
+  settings.bench = parse_bench(map);
+  if (settings.bench.faults.fail_handshake > 0.0) {
     map.fail("faults", "holds fail_handshake: this device has no handshake; use lose_reply or mute");
   }
-  return [settings] { return VirtualDevice{std::make_unique<VirtualPhantom>(settings), settings.faults}; };
+  if (settings.bench.faults.flip_echo_bit > 0.0) {
+    map.fail("faults", "holds flip_echo_bit: this device takes no firmware that it could echo; use flip_reply_bit");
+  }
+  if (settings.bench.times.trigger.empty()) settings.faults = settings.bench.faults;
+  return [settings] { return on_bench(std::make_unique<VirtualPhantom>(settings), settings.bench); };
 }
 
 }  // namespace drivers::virtual_usb

@@ -15,9 +15,9 @@
 
 namespace {
 
+using drivers::simulated::state_of;
 using drivers::virtual_vendor::block_for_us;
 using drivers::virtual_vendor::Plugged;
-using drivers::virtual_vendor::state_of;
 using drivers::virtual_vendor::Witness;
 using drivers::virtual_vendor::force_dimension::FdUnit;
 using drivers::virtual_vendor::force_dimension::Settings;

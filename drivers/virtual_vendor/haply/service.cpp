@@ -76,7 +76,7 @@ struct Service::State {
 rtbus::PlantState Service::State::look(std::uint64_t now_ns) {
   const std::lock_guard lock(mutex);
   unit.advance_to(now_ns);
-  return state_of(unit.mechanics(), now_ns);
+  return simulated::state_of(unit.mechanics(), now_ns);
 }
 
 json Service::State::inverse(bool with_config) {

@@ -18,8 +18,8 @@
 
 namespace {
 
+using drivers::simulated::state_of;
 using drivers::virtual_vendor::Plugged;
-using drivers::virtual_vendor::state_of;
 using drivers::virtual_vendor::Witness;
 using drivers::virtual_vendor::openhaptics::Calibration;
 using drivers::virtual_vendor::openhaptics::ErrorInfo;

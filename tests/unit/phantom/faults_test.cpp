@@ -88,7 +88,7 @@ TEST(PhantomFault, BitFlipsCostAnswersAndNeverTheHome) {
   Rig rig(held(ModelId::kVintage, {0.02, 0.01, -0.01}));
   ASSERT_EQ(rig.bring_up(), "");
   rig.run(100, kForce);
-  rig.device.faults().flip_echo_bit = 0.002;
+  rig.device.faults().flip_reply_bit = 0.002;
   double worst_n = 0.0;
   for (int i = 0; i < 3000; ++i) {
     (void)rig.exchange(kForce);

@@ -67,7 +67,7 @@ class Run {
                   !options.quiet),
         supervisor_([this](const std::string&, std::string_view line) { progress_.log(line); }) {
     for (const haptic::HapticConfig& haptic : plan_.haptic) {
-      observers_.push_back(std::make_unique<HapticObserver>(plan_.session, haptic));
+      observers_.push_back(std::make_unique<HapticObserver>(plan_.session, haptic, draws()));
     }
     if (plan_.physics) physics_.emplace(plan_.session);
     if (options.stills && draws()) stills_.emplace(plan_);

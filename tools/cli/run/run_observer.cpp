@@ -27,13 +27,14 @@ bool attach_to(rtbus::Subscription<T>& subscription) {
 
 }  // namespace
 
-HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::HapticConfig& config)
+HapticObserver::HapticObserver(const rtbus::Session& session, const haptic::HapticConfig& config, bool figures)
     : config_(config),
       ticks_(session, config.name + ".telemetry", {.presence = true}),
       stats_reader_(session, config.name + ".loop_stats"),
       info_reader_(session, config.name + ".node_info"),
       proxies_(session, "physics.proxy_state." + config.name),
-      mapping_(config.mapping) {
+      mapping_(config.mapping),
+      keeps_figures_(figures) {
   if (config.device && config.device->has_link()) link_reader_.emplace(session, config.name + ".link_stats");
   const haptic::MethodEntry* const method = haptic::find_method(config.method);
   // A method that integrates the proxy itself is not one of the newest proxy: it has no staleness of this kind.
@@ -65,6 +66,7 @@ void HapticObserver::take(const rtbus::Telemetry& tick) {
   observed_min_j_ = observed_ticks_ == 1 ? tick.energy_observed_j : std::min(observed_min_j_, tick.energy_observed_j);
   if (error_) error_->add_tick(tick);
   impulse_.add_hand_force(tick.due_ns, vector_of(tick.force_n));
+  if (!keeps_figures_) return;
   motion_.add({rtbus::seconds_between(first_due_ns_, tick.due_ns), tick.position_m, tick.proxy_position_m, tick.force_n,
                tick.rendered_force_n, static_cast<double>(tick.proxy_age_ns) * 1e-6});
 }
@@ -97,7 +99,7 @@ void HapticObserver::drain() {
   }
   while (proxies_.read_next(proxy_) == rtbus::ReadStatus::kFresh) {
     take(proxy_.value);
-    if (first_due_ns_ != 0) {
+    if (keeps_figures_ && first_due_ns_ != 0) {
       steps_.add({rtbus::seconds_between(first_due_ns_, proxy_.stamp_ns), proxy_.value.step_compute_s * 1e3});
     }
   }

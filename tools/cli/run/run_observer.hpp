@@ -41,7 +41,8 @@ struct StepRow {
 class HapticObserver {
  public:
   /// @param config Outlives the observer.
-  HapticObserver(const rtbus::Session& session, const haptic::HapticConfig& config);
+  /// @param figures Keeps what figures are drawn from: up to 8 MiB in the first minutes.
+  HapticObserver(const rtbus::Session& session, const haptic::HapticConfig& config, bool figures);
 
   /// Opens the node's topics, and holds its telemetry on; opens anew what a restarted node or somebody's `rm` has
   /// replaced. @returns false when some are not there.
@@ -66,6 +67,7 @@ class HapticObserver {
   [[nodiscard]] std::uint64_t estop_acted_ns() const noexcept { return estop_acted_ns_; }
   [[nodiscard]] std::uint64_t observed_ticks() const noexcept { return observed_ticks_; }
 
+  /// Both empty without figures.
   [[nodiscard]] const Trace<MotionRow>& motion() const noexcept { return motion_; }
   [[nodiscard]] const Trace<StepRow>& steps() const noexcept { return steps_; }
   [[nodiscard]] const rtbus::Histogram& wakeup_ns() const noexcept { return *wakeup_ns_; }
@@ -99,6 +101,7 @@ class HapticObserver {
   haptic::Mapping mapping_;  ///< Of forces: rotation and scale, which nothing shifts.
   ImpulseBalance impulse_;
   std::uint64_t answered_ns_ = 0;  ///< The device sample of the last step.
+  const bool keeps_figures_;
   Trace<MotionRow> motion_;
   Trace<StepRow> steps_;
   std::unique_ptr<rtbus::Histogram> wakeup_ns_ = std::make_unique<rtbus::Histogram>();

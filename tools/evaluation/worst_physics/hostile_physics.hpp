@@ -52,6 +52,11 @@ struct HostilePlan {
   int supports = 0;
 };
 
+/// A lineage that begins with this number begins with the plan by which the bound is derived (docs/safety.md): a hand
+/// that swings in circles as fast as the overspeed cut allows, and the force that the motors bear for ever along its
+/// motion.
+inline constexpr std::uint64_t kCircling = 0;
+
 /// The plan of these numbers: the first draws it, each further one changes some of it. Empty lineages are not allowed.
 [[nodiscard]] HostilePlan hostile_plan(const std::string& method, std::span<const std::uint64_t> lineage);
 /// One line.

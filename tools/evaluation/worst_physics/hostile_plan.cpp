@@ -1,6 +1,7 @@
 /// Plans of hostile physics, drawn and changed by numbers.
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 
 #include "tools/evaluation/worst_physics/hostile_physics.hpp"
 
@@ -72,15 +73,43 @@ void draw(int group, Random& random, HostilePlan& plan) {
 }
 constexpr int kGroups = 11;
 
+/// Some figures that matter to the energy, changed a little.
+void nudge(Random& random, HostilePlan& plan) {
+  double* const figures[] = {&plan.force_n, &plan.speed_m_s,    &plan.hand_n_s_per_m, &plan.hand_n_per_m,
+                             &plan.hand_kg, &plan.frequency_hz, &plan.lie_j,          &plan.plate_s};
+  for (int i = random.below(3); i >= 0; --i)
+    *figures[random.below(std::size(figures))] *= random.log_between(0.8, 1.25);
+}
+
+/// A hand of mass and stiffness that turns the tip around at this rate, and whose damping takes what the force gives.
+void circle(HostilePlan& plan) {
+  constexpr double kTipMass_kg = 0.041, kContinuous_n = 1.75;  // phantom_desktop (drivers/simulated/models.cpp)
+  constexpr double kTurning_rad_s = 45.0;                      // 42 mm at that speed: within the workspace
+  plan.push = HostilePlan::Push::kAlong;
+  plan.force_n = kContinuous_n;
+  plan.speed_m_s = 1.9;
+  plan.free_share = 0.0;
+  plan.hand_n_per_m = (plan.hand_kg + kTipMass_kg) * kTurning_rad_s * kTurning_rad_s;
+  plan.hand_n_s_per_m = plan.force_n / plan.speed_m_s;
+}
+
 }  // namespace
 
 HostilePlan hostile_plan(const std::string& method, std::span<const std::uint64_t> lineage) {
   HostilePlan plan;
   plan.method = method;
   Random random(lineage.front());
-  for (int group = 0; group < kGroups; ++group) draw(group, random, plan);
+  if (lineage.front() == kCircling) {
+    circle(plan);
+  } else {
+    for (int group = 0; group < kGroups; ++group) draw(group, random, plan);
+  }
   for (const std::uint64_t number : lineage.subspan(1)) {
     Random change(number);
+    if (change.chance(0.5)) {
+      nudge(change, plan);
+      continue;
+    }
     for (int i = change.below(2); i >= 0; --i) draw(change.below(kGroups), change, plan);
   }
   return plan;

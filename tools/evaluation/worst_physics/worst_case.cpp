@@ -93,17 +93,23 @@ class Judge {
     const bool overspeed = (tick.safety & haptic::kOverspeed) != 0;
     if (overspeed && !overspeed_) ++out_.overspeeds;
     overspeed_ = overspeed;
+    square_n2_.push_back((square_n2_.empty() ? 0.0 : square_n2_.back()) + norm_n * norm_n);
     work_j_.push_back(run_.mechanics().actuator_work_j());
     const auto window = static_cast<std::size_t>(kEnergyWindow_s / (1e-9 * static_cast<double>(config_.period_ns())));
     if (work_j_.size() > window) {
       out_.power_w = std::max(out_.power_w, (work_j_.back() - work_j_[work_j_.size() - 1 - window]) / kEnergyWindow_s);
     }
   }
-  /// Over the second half of what was seen: the first warms the motors up.
-  [[nodiscard]] double mean_power_w() const {
+  /// Mean power over the second half of what was seen. A force above the continuous one is lowered to it before a
+  /// minute has passed: its power counts in proportion.
+  [[nodiscard]] double lasting_power_w() const {
     const std::size_t half = work_j_.size() / 2;
+    if (half == 0) return 0.0;
+    const std::size_t from = work_j_.size() - half;
     const double seconds = static_cast<double>(half) * 1e-9 * static_cast<double>(config_.period_ns());
-    return half == 0 ? 0.0 : (work_j_.back() - work_j_[work_j_.size() - half]) / seconds;
+    const double rms_n = std::sqrt((square_n2_.back() - square_n2_[from]) / static_cast<double>(half));
+    const double lasts = std::min(1.0, config_.safety.continuous_force_n / std::max(rms_n, 1e-9));
+    return lasts * (work_j_.back() - work_j_[from]) / seconds;
   }
 
  private:
@@ -112,7 +118,7 @@ class Judge {
   WorstOutcome& out_;
   Vector3d last_n_ = Vector3d::Zero();
   bool overspeed_ = false;
-  std::vector<double> work_j_;  ///< At each tick.
+  std::vector<double> work_j_, square_n2_;  ///< Sums, at each tick.
 };
 
 }  // namespace
@@ -145,7 +151,7 @@ WorstOutcome run_worst_case(const std::string& method, std::span<const std::uint
 
   run.harness.run(kTrial_s, look);
   out.answers = hostile.lies();
-  out.trial_w = judge.mean_power_w();
+  out.trial_w = judge.lasting_power_w();
   if (out.trial_w < setup.give_up_below_w && out.forces_hold()) return out;
   run.harness.run(setup.hostile_s - kTrial_s + kRecovery_s, look);
   out.answers = hostile.lies();

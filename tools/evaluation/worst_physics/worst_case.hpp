@@ -34,7 +34,8 @@ struct WorstOutcome {
   double peak_n = 0.0;
   double growth_n = 0.0;          ///< Largest growth of a force that is not against the motion, in one tick.
   double growth_bound_n = 0.0;    ///< The slew limit, in one tick.
-  double trial_w = 0.0;           ///< Mean power over the second half of kTrial_s.
+  double trial_w = 0.0;           ///< Mean power over the second half of kTrial_s, as far as the motors would bear the
+                                  ///< force for a minute.
   double power_w = 0.0;           ///< Largest mean power to the hand over a window of kEnergyWindow_s.
   double bound_w = 0.0;           ///< power_bound_w().
   double recovery_error_n = 0.0;  ///< With a hand: RMS difference from a hand that met honest physics alone, in the

@@ -11,7 +11,9 @@ constexpr std::uint64_t kDrawnFirst = 8;
 constexpr double kDrawnShare = 0.3;
 /// A lineage that is longer begins to cost more to explain than it is worth.
 constexpr std::size_t kLongestLineage = 24;
-/// A case whose trial gives less than the best trial is left, but for this share: recovery is no matter of power.
+/// A case whose trial does not give so much more than the hardest whole case's is left, but for this share: recovery is
+/// no matter of power.
+constexpr double kWorthAMinute = 1.03;
 constexpr double kWholeShare = 0.02;
 /// Less power is not worth a minute.
 constexpr double kLeastTrial_w = 1.0;
@@ -40,10 +42,15 @@ WorstSearch search_worst_physics(const std::string& method, const WorstPhysicsOp
     const std::vector<std::uint64_t>& worst = out.trial.lineage;
     if (out.cases >= kDrawnFirst && !worst.empty() && !random.chance(kDrawnShare)) lineage = worst;
     if (lineage.size() >= kLongestLineage) lineage.clear();
-    lineage.push_back(random.next() % 1'000'000'000);
+    if (out.cases == 0) {
+      lineage.push_back(kCircling);
+    } else {
+      lineage.push_back(1 + random.next() % 1'000'000'000);
+    }
     WorstSetup setup;
     setup.session_file = options.session_file;
-    setup.give_up_below_w = random.chance(kWholeShare) ? 0.0 : std::max(kLeastTrial_w, out.trial.outcome.trial_w);
+    setup.give_up_below_w =
+        random.chance(kWholeShare) ? 0.0 : std::max(kLeastTrial_w, kWorthAMinute * out.power.outcome.trial_w);
     const WorstFound found{lineage, run_worst_case(method, lineage, setup)};
     out.answers += found.outcome.answers;
     ++out.cases;
