@@ -1,6 +1,7 @@
 #pragma once
 /// @file local_body.hpp
 /// A body near the proxy, as local_contact simulates it. Frame W, SI units.
+#include <cstddef>
 #include <cstdint>
 #include <variant>
 
@@ -10,7 +11,6 @@
 #include "haptic_node/rendering/body_motion.hpp"
 #include "haptic_node/rendering/body_pile.hpp"
 #include "haptic_node/rendering/body_yielding.hpp"
-#include "haptic_node/rendering/impulse_history.hpp"
 
 namespace haptic {
 
@@ -23,7 +23,7 @@ struct LocalBody {
   double blend_s = 0.0;     ///< What an answer changes is brought in with this time constant.
   BodyMotion motion;        ///< Of a rigid one.
   PileBody::Known known;    ///< By the last answer.
-  Impulse given;            ///< By the proxy, since it is known.
+  std::size_t place = 0;    ///< Among the hand impulses.
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody, YieldingBody> kind;
 
   template <class Kind>

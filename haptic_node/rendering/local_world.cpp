@@ -38,7 +38,8 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   work_j_ = 0.0;
   for (LocalBody& body : bodies_) body.used = false;
   contacts_.reset();
-  supports_.count = push_count_ = 0;
+  supports_.count = 0;
+  impulses_.release_all();
   hand_m_s_.setZero();
   springs_.reset();
   any_yields_ = false;
@@ -49,7 +50,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   good_until_ns_ = now_ns + static_cast<std::uint64_t>((kGoodFor * answer.step_s + kGoodBesides_s) * 1e9);
   const double history_ns = kHistorySteps * answer.step_s * 1e9;
-  given_apart_ns_ = static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords);
+  impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
   contacts_.remember(bodies_, proxy_);
@@ -78,6 +79,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
 void LocalWorld::free_slot(std::size_t slot) noexcept {
   contacts_.drop(slot);
   if (const auto* const yields = bodies_[slot].as<YieldingBody>()) springs_.close(yields->place());
+  impulses_.release(bodies_[slot].place);
   bodies_[slot].used = false;
 }
 
@@ -139,17 +141,17 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigi
   }
 }
 
-/// Of what a body had been given before it was known, nothing is known, nor is any of that ours.
 Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int parts, std::uint64_t now_ns) noexcept {
   const rtbus::ProxyContacts& answer = told.answer;
   LocalBody& body = bodies_[slot];
   if (!body.used) {
     body = LocalBody{};
     body.index = answer.body_index[told.row];
-    given_[slot].forget();
+    body.place = impulses_.hold(body.index);
   }
   body.used = body.named = true;
-  const SinceAnswer since{answer.device_time_ns, now_ns, parts, tick_s_, given_[slot], body.given, rows_.data()};
+  const SinceAnswer since{answer.device_time_ns,     now_ns,      parts, tick_s_, impulses_.history(body.place),
+                          impulses_.sum(body.place), rows_.data()};
   const Impulse then = since.given_at(since.from_ns);
   body.blend_s = std::max(blend::kLeast_s, blend::kSteps * answer.step_s);
   Quaterniond turned = Quaterniond::Identity();
@@ -186,6 +188,7 @@ void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t r
       body = LocalBody{};
       body.index = answer.body_index[row];
       body.kind.emplace<YieldingBody>(place);
+      body.place = impulses_.hold(body.index);
     }
     body.used = body.named = true;
     body.blend_s = std::max(blend::kLeast_s, blend::kSteps * answer.step_s);
@@ -199,7 +202,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   hand_m_s_ += -std::expm1(-h / kHandSpeed_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   work_j_ = 0.0;
-  push_count_ = 0;
+  impulses_.begin(sample_ns - static_cast<std::uint64_t>(h * 1e9), sample_ns);
   const double lag = h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
   if (lag <= 0.0) {  // nothing holds the proxy to the hand: it is the hand
     proxy_.position_m = spring.goal_m;
@@ -217,7 +220,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   if (const std::size_t rows = gather(h); rows > 0) {
     const int sweeps = std::clamp(kRowSweeps / static_cast<int>(rows), kFewestSweeps, kSweeps);
     solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
-    book(sample_ns - static_cast<std::uint64_t>(h * 1e9));
+    give_impulses();
   }
   const Vector3d& solved_m_s = proxy.velocity_m_s;
   proxy_.velocity_m_s = shapes_.any_named()
@@ -278,12 +281,12 @@ std::size_t LocalWorld::gather(double h) noexcept {
 }
 
 /// What the proxy gave to whom.
-void LocalWorld::book(std::uint64_t began_ns) noexcept {
+void LocalWorld::give_impulses() noexcept {
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
     auto& contact = contacts_.of_row(i);
     contact.impulse_n_s = rows_[i].impulse_n_s;
     if (!contact.felt()) continue;
-    give(contact.body, contact.impulse_n_s, contact.from_centre_m, began_ns);
+    give(contact.body, contact.impulse_n_s, contact.from_centre_m);
     const LocalBody& body = bodies_[contact.body];
     if (body.as<DrivenBody>() != nullptr) {
       work_j_ += contact.impulse_n_s.dot(body.motion.velocity_at(contact.from_centre_m));
@@ -294,30 +297,22 @@ void LocalWorld::book(std::uint64_t began_ns) noexcept {
     const auto* const yields = bodies_[slot].as<YieldingBody>();
     if (yields == nullptr || !bodies_[slot].used || yields->row() == YieldingBody::kNoRow) continue;
     const Vector3d& impulse = rows_[yields->row()].impulse_n_s;
-    if (!impulse.isZero(0.0)) give(slot, impulse, Vector3d::Zero(), began_ns);
+    if (!impulse.isZero(0.0)) give(slot, impulse, Vector3d::Zero());
   }
 }
 
 /// @param impulse_n_s On the proxy.
-void LocalWorld::give(std::size_t slot, const Vector3d& impulse_n_s, const Vector3d& from_centre_m,
-                      std::uint64_t began_ns) noexcept {
-  LocalBody& body = bodies_[slot];
+void LocalWorld::give(std::size_t slot, const Vector3d& impulse_n_s, const Vector3d& from_centre_m) noexcept {
   impulse_n_s_ += impulse_n_s;
-  const Impulse before = body.given;
-  body.given += {-impulse_n_s, -from_centre_m.cross(impulse_n_s)};
-  given_[slot].add(began_ns, now_ns_, given_apart_ns_, before, body.given);
-  push_slot_[push_count_] = slot;
-  pushes_[push_count_++] = {body.index, -impulse_n_s, from_centre_m};
+  impulses_.give(bodies_[slot].place, slot, -impulse_n_s, from_centre_m);
 }
 
-void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
-  const std::size_t slot = push_slot_[push];
-  LocalBody& body = bodies_[slot];
-  const Vector3d more_n_s = impulse_n_s - pushes_[push].impulse_n_s;
-  const Impulse more{more_n_s, pushes_[push].from_centre_m.cross(more_n_s)};
-  body.given += more;
-  if (const auto* const free = body.as<FreeBody>()) free->correct(more, body.motion);  // it moves by what was felt
-  given_[slot].correct(now_ns_, more);
+void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
+  impulses_.settle(impulse_n_s);
+  for (const auto& entry : impulses_.entries()) {
+    LocalBody& body = bodies_[entry.slot];
+    if (const auto* const free = body.as<FreeBody>()) free->correct(entry.more, body.motion);
+  }
 }
 
 void LocalWorld::move_bodies(double h) noexcept {
@@ -330,8 +325,8 @@ void LocalWorld::move_bodies(double h) noexcept {
     if (auto* const yields = body.as<YieldingBody>()) yields->advance(step, springs_);
     if (auto* const pile = body.as<PileBody>()) {
       step.pushed_n_s.setZero();
-      for (std::size_t i = 0; i < push_count_; ++i) {
-        if (push_slot_[i] == slot) step.pushed_n_s += pushes_[i].impulse_n_s;
+      for (const auto& entry : impulses_.entries()) {
+        if (entry.slot == slot) step.pushed_n_s += entry.impulse_n_s;
       }
       pile->advance(step, body.motion);
     }

@@ -13,7 +13,7 @@
 #include <Eigen/Geometry>
 
 #include "haptic_node/rendering/contact_solver.hpp"
-#include "haptic_node/rendering/impulse_history.hpp"
+#include "haptic_node/rendering/hand_impulses.hpp"
 #include "haptic_node/rendering/local_body.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
 #include "haptic_node/rendering/static_shapes.hpp"
@@ -73,19 +73,15 @@ class LocalWorld {
   /// What kinematic bodies, which move whatever pushes, put into the proxy in the last step [J]; negative: took.
   [[nodiscard]] double work_j() const noexcept { return work_j_; }
 
-  /// What the proxy did to a body in the last step.
-  struct Push {
-    std::uint32_t body = 0;                                 ///< In the scene's order.
-    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the body.
-    Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
-  };
-  /// What the push of that number has become behind the safety ladder. @param impulse_n_s On the body.
-  void felt(std::size_t push, const Eigen::Vector3d& impulse_n_s) noexcept RTBUS_NONBLOCKING;
-  [[nodiscard]] std::span<const Push> pushes() const noexcept { return {pushes_.data(), push_count_}; }
+  /// What the hand gave, and gives: in entries() of the last step, in sums that physics is told.
+  [[nodiscard]] const HandImpulses& hand_impulses() const noexcept { return impulses_; }
+  /// What the bodies got in the last step behind the safety ladder, in all.
+  void felt(const Eigen::Vector3d& impulse_n_s) noexcept RTBUS_NONBLOCKING;
 
  private:
-  static constexpr std::size_t kMostPushes = ProxyContactSet::kSolved + SpringHistory::kPlaces;
-  static constexpr std::size_t kMostRows = kMostPushes + SupportPool::kSupports;
+  static_assert(HandImpulses::kHeld >= kBodies &&
+                HandImpulses::kMostEntries >= ProxyContactSet::kSolved + SpringHistory::kPlaces);
+  static constexpr std::size_t kMostRows = HandImpulses::kMostEntries + SupportPool::kSupports;
   /// So many steps of physics are kept of what was given: an answer is at most two old.
   static constexpr double kHistorySteps = 2.5;
 
@@ -98,9 +94,8 @@ class LocalWorld {
   void take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept;
   void brake(double h) noexcept;
   std::size_t gather(double h) noexcept;
-  void book(std::uint64_t began_ns) noexcept;
-  void give(std::size_t slot, const Eigen::Vector3d& impulse_n_s, const Eigen::Vector3d& from_centre_m,
-            std::uint64_t began_ns) noexcept;
+  void give_impulses() noexcept;
+  void give(std::size_t slot, const Eigen::Vector3d& impulse_n_s, const Eigen::Vector3d& from_centre_m) noexcept;
   void move_bodies(double h) noexcept;
 
   StaticShapes shapes_;
@@ -123,12 +118,7 @@ class LocalWorld {
   std::array<SolverContact, kMostRows> rows_{};
   std::size_t solved_contacts_ = 0;
 
-  std::array<Push, kMostPushes> pushes_{};
-  std::array<std::size_t, kMostPushes> push_slot_{};  ///< Of its body.
-  std::size_t push_count_ = 0;
-
-  std::array<ImpulseHistory, kBodies> given_{};  ///< To the body of that slot.
-  std::uint64_t given_apart_ns_ = 0;             ///< What is nearer shares a record.
+  HandImpulses impulses_;
 };
 
 }  // namespace haptic

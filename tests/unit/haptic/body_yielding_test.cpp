@@ -54,9 +54,9 @@ TEST_F(YieldingBodyTest, IsASpringInSeriesWithTheHands) {
   for (int i = 0; i < 50; ++i) force_n = tick(-0.008);
   const double series = 1.0 / (1.0 / kHandN_m + YieldingBody::kSofter * kCompliance);
   EXPECT_NEAR(force_n, series * 0.008, 1e-3 * force_n);
-  ASSERT_EQ(world->pushes().size(), 1U);
-  EXPECT_EQ(world->pushes()[0].body, 7U);
-  EXPECT_NEAR(world->pushes()[0].impulse_n_s.x(), -force_n * kTickS, 1e-12);
+  ASSERT_EQ(world->hand_impulses().entries().size(), 1U);
+  EXPECT_EQ(world->hand_impulses().entries()[0].body, 7U);
+  EXPECT_NEAR(world->hand_impulses().entries()[0].impulse_n_s.x(), -force_n * kTickS, 1e-12);
   for (int i = 0; i < 100; ++i) force_n = tick(0.001);
   EXPECT_EQ(force_n, 0.0);
 }
