@@ -60,9 +60,9 @@ Vector3d SpringHistory::at(std::size_t place, std::uint64_t time_ns) const noexc
   return before.spring_n[place] + share * (after.spring_n[place] - before.spring_n[place]);
 }
 
-void YieldingBody::take(const rtbus::ProxyContacts& answer, std::size_t contact, const SpringHistory& history,
-                        const Vector3d& proxy_m, bool known) noexcept {
-  const double felt_m = known ? gap_of(proxy_m) : 0.0;
+std::optional<double> YieldingBody::take(const rtbus::ProxyContacts& answer, std::size_t contact,
+                                         const SpringHistory& history, const Vector3d& proxy_m, bool known) noexcept {
+  const double felt_m = known ? gap_of(proxy_m) : 0.0, before_m = felt_m - offset_m_;
   fades_ = false;
   compliance_m_per_n_ = std::max(kSofter * answer.contact_compliance_m_per_n[contact], kStiffest_m_per_n);
   friction_ = answer.contact_friction[contact];
@@ -75,9 +75,10 @@ void YieldingBody::take(const rtbus::ProxyContacts& answer, std::size_t contact,
   const double gap_m = gap_of(proxy_m);
   if (touched()) {
     offset_m_ = felt_m - gap_m;
-  } else if (gap_m < 0.0) {
-    offset_m_ = -gap_m;
+    return std::abs(gap_m - before_m);
   }
+  offset_m_ = std::max(0.0, -gap_m);
+  return std::nullopt;
 }
 
 std::size_t YieldingBody::add_rows(const Vector3d& proxy_m, const Vector3d& proxy_m_s, double h, double share, int self,

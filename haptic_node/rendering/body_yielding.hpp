@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include <Eigen/Core>
 
@@ -68,8 +69,9 @@ class YieldingBody {
   explicit YieldingBody(std::size_t place) : place_(place) {}
 
   /// @param contact Of the answer, with this body. @param proxy_m Where the proxy is. @param known Not new.
-  void take(const rtbus::ProxyContacts& answer, std::size_t contact, const SpringHistory& history,
-            const Eigen::Vector3d& proxy_m, bool known) noexcept RTBUS_NONBLOCKING;
+  /// @returns how far the answer moves a surface that is felt; none: it is not.
+  std::optional<double> take(const rtbus::ProxyContacts& answer, std::size_t contact, const SpringHistory& history,
+                             const Eigen::Vector3d& proxy_m, bool known) noexcept RTBUS_NONBLOCKING;
   /// The answer does not name it: it recedes.
   void fade() noexcept { fades_ = true; }
 

@@ -27,7 +27,10 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
     placed_ = input.proxy.valid;
     return out;
   }
-  if (input.contacts != nullptr) world_.take(*input.contacts, input.sample_time_ns);
+  if (input.contacts != nullptr) {
+    world_.take(*input.contacts, input.sample_time_ns);
+    if (const auto moved_m = world_.correction_m()) out.correction_m = *moved_m / mapping_.config().position_scale;
+  }
 
   const double elapsed_s =
       input.sample_time_ns > sample_ns_ ? rtbus::seconds_between(sample_ns_, input.sample_time_ns) : input.dt_s;

@@ -53,6 +53,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
+  correction_m_.reset();
   contacts_.remember(bodies_, proxy_);
 
   for (LocalBody& body : bodies_) body.named = false;
@@ -64,7 +65,8 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   for (LocalBody& body : bodies_) {
     if (auto* const free = body.as<FreeBody>(); free != nullptr && !body.named) free->leave_supports();
   }
-  contacts_.take({answer, now_ns, rigid, slot_of_row, turned}, bodies_, proxy_, shapes_);
+  const auto rigid_m = contacts_.take({answer, now_ns, rigid, slot_of_row, turned}, bodies_, proxy_, shapes_);
+  if (rigid_m) correction_m_ = std::max(correction_m_.value_or(0.0), *rigid_m);
   any_yields_ = false;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     const LocalBody& body = bodies_[slot];
@@ -192,7 +194,8 @@ void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t r
     }
     body.used = body.named = true;
     body.blend_s = std::max(blend::kLeast_s, blend::kSteps * answer.step_s);
-    body.as<YieldingBody>()->take(answer, i, springs_, proxy_.position_m, known);
+    const auto moved_m = body.as<YieldingBody>()->take(answer, i, springs_, proxy_.position_m, known);
+    if (moved_m) correction_m_ = std::max(correction_m_.value_or(0.0), *moved_m);
   }
 }
 

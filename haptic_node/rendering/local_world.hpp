@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -73,6 +74,9 @@ class LocalWorld {
   /// What kinematic bodies, which move whatever pushes, put into the proxy in the last step [J]; negative: took.
   [[nodiscard]] double work_j() const noexcept { return work_j_; }
 
+  /// How far the last answer moved what the proxy touched, against what had been made of it; none: it touched nothing.
+  [[nodiscard]] std::optional<double> correction_m() const noexcept { return correction_m_; }
+
   /// What the hand gave, and gives: in entries() of the last step, in sums that physics is told.
   [[nodiscard]] const HandImpulses& hand_impulses() const noexcept { return impulses_; }
   /// What the bodies got in the last step behind the safety ladder, in all.
@@ -105,6 +109,7 @@ class LocalWorld {
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
   std::uint64_t good_until_ns_ = 0;
   std::uint64_t now_ns_ = 0;
+  std::optional<double> correction_m_;
   double tick_s_ = 1e-3;  ///< Of the last step.
 
   std::array<LocalBody, kBodies> bodies_{};

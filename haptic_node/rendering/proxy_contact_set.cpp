@@ -203,14 +203,15 @@ void ProxyContactSet::remember(Bodies bodies, const LocalProxy& proxy) noexcept 
   }
 }
 
-void ProxyContactSet::take(const TakenAnswer& taken, Bodies bodies, const LocalProxy& proxy,
-                           StaticShapes& shapes) noexcept {
+std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bodies, const LocalProxy& proxy,
+                                            StaticShapes& shapes) noexcept {
   const rtbus::ProxyContacts& answer = taken.answer;
   const std::size_t old_count = count_;
   std::copy_n(contacts_.begin(), old_count, old_.begin());
   std::array<bool, kContacts> matched{};
   count_ = 0;
   shapes.forget_names();
+  std::optional<double> correction_m;
   for (std::size_t i = 0; i < contacts_of(answer); ++i) {
     const std::size_t row = answer.contact_body[i];
     if (row >= taken.rigid_rows || name_surface(taken, row, answer.contact_friction[i], proxy, shapes)) continue;
@@ -241,6 +242,7 @@ void ProxyContactSet::take(const TakenAnswer& taken, Bodies bodies, const LocalP
     const LocalBody& body = bodies[contact.body];
     if (contact.felt()) {
       contact.offset_m = old_[best].gap_m - gap_m;
+      correction_m = std::max(correction_m.value_or(0.0), std::abs(contact.offset_m - old_[best].offset_m));
       if (body.as<PileBody>() == nullptr) {
         contact.late_m_s = old_[best].late_m_s - body.motion.velocity_at(contact.from_centre_m);
         const double late = contact.late_m_s.norm();
@@ -256,11 +258,15 @@ void ProxyContactSet::take(const TakenAnswer& taken, Bodies bodies, const LocalP
     contact = old_[j];
     const bool found_anew =
         !contact.fades && contact.standing >= 0 && shapes.named()[static_cast<std::size_t>(contact.standing)].named;
-    if (found_anew) continue;
+    if (found_anew) {
+      correction_m = correction_m.value_or(0.0);
+      continue;
+    }
     contact.offset_m += old_[j].gap_m - (gap_of(contact, bodies, proxy) + contact.offset_m);  // its body may have moved
     contact.late_m_s.setZero();
     contact.fades = true;
   }
+  return correction_m;
 }
 
 void ProxyContactSet::blend(Bodies bodies, double h) noexcept {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include <Eigen/Core>
@@ -70,8 +71,9 @@ class ProxyContactSet {
   /// Before an answer moves anything: gaps and velocities as they are felt.
   void remember(Bodies bodies, const LocalProxy& proxy) noexcept RTBUS_NONBLOCKING;
   /// After it has moved the bodies.
-  void take(const TakenAnswer& taken, Bodies bodies, const LocalProxy& proxy,
-            StaticShapes& shapes) noexcept RTBUS_NONBLOCKING;
+  /// @returns how far that moves the surfaces that are felt, along their normals: the largest; none: nothing is felt.
+  std::optional<double> take(const TakenAnswer& taken, Bodies bodies, const LocalProxy& proxy,
+                             StaticShapes& shapes) noexcept RTBUS_NONBLOCKING;
 
   /// Surfaces go on to where physics has them, in a step of `h`.
   void blend(Bodies bodies, double h) noexcept RTBUS_NONBLOCKING;
