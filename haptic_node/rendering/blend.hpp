@@ -4,18 +4,28 @@
 #include <algorithm>
 #include <cmath>
 
-namespace haptic::blend {
+#include "haptic_node/rendering/tuning.hpp"
 
-inline constexpr double kSteps = 0.3, kLeast_s = 0.01;  ///< Of a step of physics, but no faster than kLeast_s.
-/// What an answer moves in a pile is a prediction put right: it is blended in over this many steps instead.
-inline constexpr double kPileSteps = 2.4;
-/// So it is with what rocks on an edge, over no less than this.
-inline constexpr double kRockLeast_s = 0.03;
-inline constexpr double kRecovery_m_s = 0.2;  ///< A surface does not come at the hand faster than this by blending.
-/// Contacts that the proxy cannot reach in a step, with this to spare, are left out of it.
-inline constexpr double kReach_m = 0.2e-3;
+namespace haptic {
 
-/// What is brought in within a step, as a share of what is left.
-[[nodiscard]] inline double share_of(double blend_s, double h) noexcept { return -std::expm1(-h / blend_s); }
+/// One body's blend: what is left of a difference after `seconds` is 1/e of it.
+struct Blend {
+  double seconds = 0.0;
 
-}  // namespace haptic::blend
+  /// What comes of an answer of a period of `step_s`.
+  [[nodiscard]] static Blend of(const Tuning& tuning, double step_s) noexcept {
+    return {std::max(tuning.blend_floor_s, tuning.blend_periods * step_s)};
+  }
+  /// What an answer moves in a pile is a prediction put right.
+  [[nodiscard]] static Blend of_pile(const Tuning& tuning, double step_s) noexcept {
+    return {std::max(tuning.blend_floor_s, tuning.slow_blend_periods * step_s)};
+  }
+  /// So it is with what rocks on an edge.
+  [[nodiscard]] static Blend of_rocking(const Tuning& tuning, double step_s) noexcept {
+    return {std::max(tuning.noise_s, tuning.slow_blend_periods * step_s)};
+  }
+  /// What is brought in within a step, as a share of what is left.
+  [[nodiscard]] double share(double h) const noexcept { return -std::expm1(-h / seconds); }
+};
+
+}  // namespace haptic

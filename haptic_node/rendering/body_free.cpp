@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "haptic_node/rendering/body_pile.hpp"
+#include <numbers>
 
 namespace haptic {
 namespace {
@@ -13,14 +12,11 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using rtbus::vector_of;
 
-/// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
-constexpr double kSupportSoftness = 0.02;
 /// So many points of a support make a patch, on which a body stands without tilting.
 constexpr std::uint32_t kPatchPoints = 3;
-/// Friction of a patch resists spin with its bound at this many radii of gyration: four corners of a square.
-constexpr double kPatchRadius = 1.7;
-/// Of a part of the re-simulation.
-constexpr int kSweeps = 12;
+/// Friction of a patch resists spin with its bound at this many radii of gyration: of a square plate its four corners
+/// are √3 as far from the middle.
+constexpr double kPatchRadius = std::numbers::sqrt3;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
@@ -50,18 +46,19 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
   ball_ = is_ball(told);
   supported_ = rocks_ = false;
-  take_supports(told, motion, supports, old);
+  softness_per_kg_ = since.tuning.support_softness * inverse_mass_per_kg_;
+  take_supports(told, since.tuning, motion, supports, old);
   if (!told.complete) {
     // Nothing would hold what holds it: it goes on as it went. As in a pile, a speed that the hand does not share is
     // over by the time it is told.
     inverse_mass_per_kg_ = 0.0;
     force_n_.setZero();
     torque_n_m_.setZero();
-    motion.slow_down(std::max(PileBody::kOwnSpeed_m_s, hand_m_s));
+    motion.slow_down(std::max(since.tuning.pile_own_speed_m_s, hand_m_s));
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      stand_on(supports, motion);
+      stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -76,8 +73,8 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
 }
 
 /// Supports push back only as far as they are pushed against: their forces of then are taken out of the body's force.
-void FreeBody::take_supports(const ToldBody& told, const BodyMotion& motion, SupportPool& supports,
-                             const SupportPool& old) noexcept {
+void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion,
+                             SupportPool& supports, const SupportPool& old) noexcept {
   const rtbus::ProxyContacts& answer = told.answer;
   const std::size_t old_first = first_support_, old_end = first_support_ + support_count_;
   first_support_ = supports.count;
@@ -98,7 +95,7 @@ void FreeBody::take_supports(const ToldBody& told, const BodyMotion& motion, Sup
     torque_n_m_ -= support.from_centre_m.cross(support.force_n * support.normal);
     supported_ = true;
     for (std::size_t j = old_first; j < old_end; ++j) {
-      if (old.rows[j].normal.dot(support.normal) < 0.9) continue;
+      if (old.rows[j].normal.dot(support.normal) < tuning.same_plane_cosine) continue;
       support.impulse_n_s = old.rows[j].impulse_n_s;
       support.torsion_n_m_s = old.rows[j].torsion_n_m_s;
       break;
@@ -107,14 +104,15 @@ void FreeBody::take_supports(const ToldBody& told, const BodyMotion& motion, Sup
   support_count_ = supports.count - first_support_;
 }
 
-/// A body that stands on a patch does not tilt: the patch pushes where it must. It may still spin about the normal.
-void FreeBody::stand_on(SupportPool& supports, BodyMotion& motion) noexcept {
+/// A body that stands on a patch does not tilt: the patch pushes where it must.
+/// It may still spin about the normal.
+void FreeBody::stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept {
   bool patch = false, more = false;
   Vector3d normal = Vector3d::UnitY();
   for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
     const Support& support = supports.rows[i];
     if (support.torsion_radius_m <= 0.0) continue;
-    if (patch && std::abs(normal.dot(support.normal)) < 0.95) more = true;
+    if (patch && std::abs(normal.dot(support.normal)) < tuning.same_plane_cosine) more = true;
     normal = support.normal;
     patch = true;
   }
@@ -165,7 +163,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
     next.angular_velocity_rad_s +=
         next.inverse_inertia_per_kg_m2 * (h * torque_n_m_ + after.angular_n_m_s - before.angular_n_m_s);
-    if (count > 0) relax_contacts(&next, rows, count, kSweeps);
+    if (count > 0) relax_contacts(&next, rows, count, since.tuning.most_sweeps());
     // Impulses came evenly over the part, each at the beginning of its tick.
     const Vector3d faster_m_s = next.velocity_m_s - body.velocity_m_s;
     motion.centre_m += h * (body.velocity_m_s + 0.5 * faster_m_s) + 0.5 * tick_s * faster_m_s;
@@ -194,7 +192,7 @@ SolverContact FreeBody::row_of(const Support& support, double h) const noexcept 
   row.surface_velocity_m_s = support.velocity_m_s;
   row.friction = support.friction;
   row.torsion_radius_m = support.torsion_radius_m;
-  row.softness_per_kg = kSupportSoftness * inverse_mass_per_kg_;
+  row.softness_per_kg = softness_per_kg_;
   row.expected_n_s = support.force_n * h;
   row.impulse_n_s = support.impulse_n_s;
   row.torsion_n_m_s = support.torsion_n_m_s;

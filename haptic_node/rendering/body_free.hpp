@@ -48,9 +48,9 @@ class FreeBody {
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
 
  private:
-  void take_supports(const ToldBody& told, const BodyMotion& motion, SupportPool& supports,
+  void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
-  void stand_on(SupportPool& supports, BodyMotion& motion) noexcept;
+  void stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept;
   Eigen::Quaterniond resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept;
   [[nodiscard]] SolverContact row_of(const Support& support, double h) const noexcept;
   [[nodiscard]] SolverBody solver_body(const BodyMotion& motion) const noexcept {
@@ -58,6 +58,8 @@ class FreeBody {
   }
 
   double inverse_mass_per_kg_ = 0.0;
+  double softness_per_kg_ = 0.0;  ///< Of each support: two that face each other
+                                  ///< then never contradict each other.
   Eigen::Matrix3d inverse_inertia_per_kg_m2_ = Eigen::Matrix3d::Zero();
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();     ///< All but supports and the proxy.
   Eigen::Vector3d torque_n_m_ = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.

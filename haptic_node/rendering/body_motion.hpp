@@ -10,6 +10,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/impulse_history.hpp"
+#include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/eigen.hpp"
@@ -69,6 +70,7 @@ struct SinceAnswer {
   const ImpulseHistory& history;
   const Impulse& sum;                ///< Of the hand impulses, now.
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
+  const Tuning& tuning;
 
   [[nodiscard]] double seconds() const noexcept {
     return from_ns < now_ns ? rtbus::seconds_between(from_ns, now_ns) : 0.0;

@@ -8,30 +8,27 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// A push that lasts makes a pile as much faster as the lightest neighbour of the body, or the body itself where that
-/// is heavier, would get in this time.
-constexpr double kMobility_s = 0.2e-3;
-
 }  // namespace
 
 Quaterniond PileBody::take(const ToldBody& told, const SinceAnswer& since, const Known& before,
                            const Vector3d& given_n_s, double hand_m_s, BodyMotion& motion) noexcept {
   const Vector3d centre_m = told.centre_m();
-  set_mobility(kMobility_s * std::min(told.loosest_per_kg, told.answer.body_inverse_mass_per_kg[told.row]));
+  const double lasting_m_s = std::max(since.tuning.pile_own_speed_m_s, hand_m_s);
+  set_mobility(since.tuning.pile_mobility_s *
+               std::min(told.loosest_per_kg, told.answer.body_inverse_mass_per_kg[told.row]));
   if (before.time_ns != 0 && since.from_ns > before.time_ns) {
     // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
     const double apart_s = rtbus::seconds_between(before.time_ns, since.from_ns);
-    learn((given_n_s - before.given_n_s) / apart_s, (centre_m - before.centre_m) / apart_s, hand_m_s);
+    learn((given_n_s - before.given_n_s) / apart_s, (centre_m - before.centre_m) / apart_s, lasting_m_s);
   }
   motion.centre_m = centre_m + way_m(since.sum.linear_n_s - given_n_s, since.seconds());
-  if (!told.complete) motion.slow_down(std::max(kOwnSpeed_m_s, hand_m_s));
+  if (!told.complete) motion.slow_down(lasting_m_s);
   return Quaterniond::Identity();
 }
 
-void PileBody::learn(const Vector3d& push_n, const Vector3d& speed_m_s, double hand_m_s) noexcept {
+void PileBody::learn(const Vector3d& push_n, const Vector3d& speed_m_s, double lasting_m_s) noexcept {
   push_n_ = push_n;
   speed_m_s_ = speed_m_s;
-  const double lasting_m_s = std::max(kOwnSpeed_m_s, hand_m_s);
   if (const double speed = speed_m_s.norm(); speed > lasting_m_s) speed_m_s_ *= lasting_m_s / speed;
 }
 

@@ -18,10 +18,6 @@ namespace haptic {
 /// against the push nothing comes faster than it came before. @realtime Yes.
 class PileBody {
  public:
-  /// Speeds that a hand does not share do not last: they belong to a slip that is over by the time it is told. Up to
-  /// this they are taken for the pile's own.
-  static constexpr double kOwnSpeed_m_s = 5e-3;
-
   /// Where an answer had a body, and what the hand had given it until then.
   struct Known {
     std::uint64_t time_ns = 0;  ///< 0: no answer yet.
@@ -36,9 +32,9 @@ class PileBody {
                           BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
 
   /// Told: it moved at `speed_m_s` under `push_n`, both means over the last period.
-  /// @param hand_m_s How fast the hand moves.
+  /// @param lasting_m_s Speeds beyond that are over by the time they are told.
   void learn(const Eigen::Vector3d& push_n, const Eigen::Vector3d& speed_m_s,
-             double hand_m_s) noexcept RTBUS_NONBLOCKING;
+             double lasting_m_s) noexcept RTBUS_NONBLOCKING;
 
   void set_mobility(double mobility_m_s_n) noexcept { mobility_m_s_n_ = mobility_m_s_n; }
 

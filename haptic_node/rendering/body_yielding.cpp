@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptic_node/rendering/blend.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/eigen.hpp"
 
@@ -61,10 +60,11 @@ Vector3d SpringHistory::at(std::size_t place, std::uint64_t time_ns) const noexc
 }
 
 std::optional<double> YieldingBody::take(const rtbus::ProxyContacts& answer, std::size_t contact,
-                                         const SpringHistory& history, const Vector3d& proxy_m, bool known) noexcept {
+                                         const SpringHistory& history, const Vector3d& proxy_m, bool known,
+                                         const Tuning& tuning) noexcept {
   const double felt_m = known ? gap_of(proxy_m) : 0.0, before_m = felt_m - offset_m_;
   fades_ = false;
-  compliance_m_per_n_ = std::max(kSofter * answer.contact_compliance_m_per_n[contact], kStiffest_m_per_n);
+  compliance_m_per_n_ = std::max(tuning.softer * answer.contact_compliance_m_per_n[contact], kStiffest_m_per_n);
   friction_ = answer.contact_friction[contact];
   told_normal_ = vector_of(answer.contact_normal[contact]);
   const Vector3d then_n = history.at(place_, answer.device_time_ns);
@@ -81,30 +81,32 @@ std::optional<double> YieldingBody::take(const rtbus::ProxyContacts& answer, std
   return std::nullopt;
 }
 
-std::size_t YieldingBody::add_rows(const Vector3d& proxy_m, const Vector3d& proxy_m_s, double h, double share, int self,
-                                   SolverBody& body, SolverContact* rows, std::size_t first) noexcept {
+std::size_t YieldingBody::add_rows(const Vector3d& proxy_m, const Vector3d& proxy_m_s, double h, const Blend& blend,
+                                   const Tuning& tuning, int self, SolverBody& body, SolverContact* rows,
+                                   std::size_t first) noexcept {
+  const double share = blend.share(h);
   if (fades_) {
-    offset_m_ += blend::kRecovery_m_s * h;
+    offset_m_ += tuning.recovery_m_s * h;
   } else {
-    offset_m_ -= std::min(share * offset_m_, blend::kRecovery_m_s * h);
+    offset_m_ -= std::min(share * offset_m_, tuning.recovery_m_s * h);
   }
   normal_ = (normal_ + share * (told_normal_ - normal_)).normalized();
-  // Spring k and damper c, implicit over the step: (hc + h²k)·v⁺ = −h·φ + impulses.
+  // Spring k and damper c = hk, implicit over the step: (hc + h²k)·v⁺ = −h·φ + impulses.
   self_ = self;
   body = SolverBody{};
-  body.inverse_mass_per_kg = compliance_m_per_n_ / (h * (kRelaxation_s + h));
+  body.inverse_mass_per_kg = compliance_m_per_n_ / (h * (h + h));
   body.velocity_m_s = -body.inverse_mass_per_kg * h * spring_n_;
   const Vector3d before_n_s = impulse_n_s_;
   impulse_n_s_.setZero();
   const double gap_m = gap_of(proxy_m);
   row_ = kNoRow;
-  if (gap_m > -normal_.dot(proxy_m_s - body.velocity_m_s) * h + blend::kReach_m) return 0;
+  if (gap_m > -normal_.dot(proxy_m_s - body.velocity_m_s) * h + tuning.reach_m) return 0;
   row_ = first;
   SolverContact& row = rows[first];
   row = SolverContact{};
   row.b = self;
   row.normal = normal_;
-  row.closing_m_s = std::max(gap_m / h, -blend::kRecovery_m_s);
+  row.closing_m_s = std::max(gap_m / h, -tuning.recovery_m_s);
   row.friction = friction_;
   row.impulse_n_s = before_n_s;  // warm start
   return 1;

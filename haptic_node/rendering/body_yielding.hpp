@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "haptic_node/rendering/blend.hpp"
 #include "haptic_node/rendering/body_motion.hpp"
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "rtbus/contact_messages.hpp"
@@ -53,15 +54,12 @@ class SpringHistory {
 /// the patch was at q = p_k − g_k·n − C·φ(t_k): what physics has found, less what the local world had made of it.
 /// Physics had the same pushes by then, so that q is where the surface would be without them; an error of C enters as
 /// (C_true − C)·φ and dies out from answer to answer as long as C is more than half of the true one. The body as a
-/// whole gives way as well, later and farther: C is therefore kSofter times what physics tells. The surface goes from
-/// where it was felt to the new plane, and turns to it, as those of rigid bodies do (LocalWorld::kBlendSteps), and a
-/// force is kept as φ: another C moves no surface. @realtime Yes.
+/// whole gives way as well, later and farther: C is therefore Tuning::softer times what physics tells. The surface goes
+/// from where it was felt to the new plane, and turns to it, as those of rigid bodies do (blend.hpp), and a force is
+/// kept as φ: another C moves no surface. @realtime Yes.
 class YieldingBody {
  public:
   static constexpr std::uint32_t kKind = 3;  ///< ProxyContacts::body_kind.
-  /// With once as much as measured, the delay makes a soft body rock under the hand (docs/decisions/0008).
-  static constexpr double kSofter = 2.0;
-  static constexpr double kRelaxation_s = 1e-3;  ///< The damper over the spring.
   static constexpr std::size_t kNoRow = static_cast<std::size_t>(-1);
 
   YieldingBody() = default;
@@ -71,14 +69,16 @@ class YieldingBody {
   /// @param contact Of the answer, with this body. @param proxy_m Where the proxy is. @param known Not new.
   /// @returns how far the answer moves a surface that is felt; none: it is not.
   std::optional<double> take(const rtbus::ProxyContacts& answer, std::size_t contact, const SpringHistory& history,
-                             const Eigen::Vector3d& proxy_m, bool known) noexcept RTBUS_NONBLOCKING;
+                             const Eigen::Vector3d& proxy_m, bool known,
+                             const Tuning& tuning) noexcept RTBUS_NONBLOCKING;
   /// The answer does not name it: it recedes.
   void fade() noexcept { fades_ = true; }
 
   /// Takes part in a step as body number `self`, which it makes, and adds a row if the proxy, moving at `proxy_m_s`,
-  /// may reach it within `h`. @param share Of what is to be blended in, in this step. @returns rows added, 0 or 1.
-  std::size_t add_rows(const Eigen::Vector3d& proxy_m, const Eigen::Vector3d& proxy_m_s, double h, double share,
-                       int self, SolverBody& body, SolverContact* rows, std::size_t first) noexcept RTBUS_NONBLOCKING;
+  /// may reach it within `h`. @returns rows added, 0 or 1.
+  std::size_t add_rows(const Eigen::Vector3d& proxy_m, const Eigen::Vector3d& proxy_m_s, double h, const Blend& blend,
+                       const Tuning& tuning, int self, SolverBody& body, SolverContact* rows,
+                       std::size_t first) noexcept RTBUS_NONBLOCKING;
 
   void advance(const StepSolution& step, SpringHistory& history) noexcept RTBUS_NONBLOCKING;
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <variant>
 
+#include "haptic_node/rendering/blend.hpp"
 #include "haptic_node/rendering/body_driven.hpp"
 #include "haptic_node/rendering/body_fixed.hpp"
 #include "haptic_node/rendering/body_free.hpp"
@@ -20,7 +21,7 @@ struct LocalBody {
   bool used = false;
   bool named = false;       ///< By the answer that is being taken.
   std::uint32_t index = 0;  ///< In the scene's order.
-  double blend_s = 0.0;     ///< What an answer changes is brought in with this time constant.
+  Blend blend;              ///< With which what an answer changes is brought in.
   BodyMotion motion;        ///< Of a rigid one.
   PileBody::Known known;    ///< By the last answer.
   std::size_t place = 0;    ///< Among the hand impulses.

@@ -12,10 +12,6 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// An answer is good for its period, which has one more to go until the next must be here, and a little more.
-constexpr double kGoodFor = 1.5;
-constexpr double kGoodBesides_s = 3e-3;
-
 /// Rows of bodies that are not soft: they come first.
 std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
   std::size_t rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
@@ -48,8 +44,9 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
 }
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
-  good_until_ns_ = now_ns + static_cast<std::uint64_t>((kGoodFor * answer.step_s + kGoodBesides_s) * 1e9);
-  const double history_ns = kHistorySteps * answer.step_s * 1e9;
+  good_until_ns_ =
+      now_ns + static_cast<std::uint64_t>((tuning_.good_periods * answer.step_s + tuning_.good_besides_s) * 1e9);
+  const double history_ns = tuning_.history_periods() * answer.step_s * 1e9;
   impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
@@ -131,8 +128,9 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigi
   int parts = 1;
   if (answer.device_time_ns < now_ns) {
     const double ticks = std::ceil(rtbus::seconds_between(answer.device_time_ns, now_ns) / tick_s_ - 0.1);
-    const int most = std::min(static_cast<int>(std::min(1e3, ticks)), kReplayRows / std::max(1, rows));
-    parts = std::clamp(most, 1, kReplayParts);
+    const int most =
+        std::min(static_cast<int>(std::min(1e3, ticks)), static_cast<int>(tuning_.row_budget) / std::max(1, rows));
+    parts = std::clamp(most, 1, static_cast<int>(tuning_.parts));
   }
   std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
   supports_.count = 0;
@@ -152,10 +150,10 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     body.place = impulses_.hold(body.index);
   }
   body.used = body.named = true;
-  const SinceAnswer since{answer.device_time_ns,     now_ns,      parts, tick_s_, impulses_.history(body.place),
-                          impulses_.sum(body.place), rows_.data()};
+  const SinceAnswer since{answer.device_time_ns,     now_ns,       parts,  tick_s_, impulses_.history(body.place),
+                          impulses_.sum(body.place), rows_.data(), tuning_};
   const Impulse then = since.given_at(since.from_ns);
-  body.blend_s = std::max(blend::kLeast_s, blend::kSteps * answer.step_s);
+  body.blend = Blend::of(tuning_, answer.step_s);
   Quaterniond turned = Quaterniond::Identity();
   if (answer.body_kind[told.row] == 0) {
     turned = body.become<FixedBody>().take(told, body.motion);
@@ -163,11 +161,11 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     turned = body.become<DrivenBody>().take(told, since, body.motion);
   } else if (told.loosest_per_kg > 0.0) {
     turned = body.become<PileBody>().take(told, since, body.known, then.linear_n_s, hand_m_s_.norm(), body.motion);
-    body.blend_s = std::max(blend::kLeast_s, blend::kPileSteps * answer.step_s);
+    body.blend = Blend::of_pile(tuning_, answer.step_s);
   } else {
     auto& free = body.become<FreeBody>();
     turned = free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
-    if (free.rocks()) body.blend_s = std::max(blend::kRockLeast_s, blend::kPileSteps * answer.step_s);
+    if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
   }
   body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};
   return turned;
@@ -193,8 +191,8 @@ void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t r
       body.place = impulses_.hold(body.index);
     }
     body.used = body.named = true;
-    body.blend_s = std::max(blend::kLeast_s, blend::kSteps * answer.step_s);
-    const auto moved_m = body.as<YieldingBody>()->take(answer, i, springs_, proxy_.position_m, known);
+    body.blend = Blend::of(tuning_, answer.step_s);
+    const auto moved_m = body.as<YieldingBody>()->take(answer, i, springs_, proxy_.position_m, known, tuning_);
     if (moved_m) correction_m_ = std::max(correction_m_.value_or(0.0), *moved_m);
   }
 }
@@ -202,7 +200,7 @@ void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t r
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   now_ns_ = sample_ns;
   tick_s_ = h;
-  hand_m_s_ += -std::expm1(-h / kHandSpeed_s) * (spring.goal_velocity_m_s - hand_m_s_);
+  hand_m_s_ += -std::expm1(-h / tuning_.noise_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   work_j_ = 0.0;
   impulses_.begin(sample_ns - static_cast<std::uint64_t>(h * 1e9), sample_ns);
@@ -221,14 +219,15 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 
   if (const std::size_t rows = gather(h); rows > 0) {
-    const int sweeps = std::clamp(kRowSweeps / static_cast<int>(rows), kFewestSweeps, kSweeps);
+    const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows),
+                                  tuning_.fewest_sweeps(), tuning_.most_sweeps());
     solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
     give_impulses();
   }
   const Vector3d& solved_m_s = proxy.velocity_m_s;
   proxy_.velocity_m_s = shapes_.any_named()
                             ? Vector3d(shapes_.free_way_m(proxy_.position_m, proxy_.radius_m, h * solved_m_s,
-                                                          StaticShapes::look_m(proxy_.velocity_m_s.norm(), h)) /
+                                                          shapes_.look_m(proxy_.velocity_m_s.norm(), h)) /
                                        h)
                             : solved_m_s;
   proxy_.position_m += h * proxy_.velocity_m_s;
@@ -238,7 +237,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
 
 /// Without answers everything comes to rest.
 void LocalWorld::brake(double h) noexcept {
-  const double slower = std::exp(-h / kBrake_s);
+  const double slower = std::exp(-h / tuning_.blend_floor_s);
   for (LocalBody& body : bodies_) {
     if (!body.used) continue;
     body.motion.brake(slower);
@@ -276,7 +275,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   for (LocalBody& body : bodies_) {
     auto* const yields = body.as<YieldingBody>();
     if (yields == nullptr || !body.used) continue;
-    rows += yields->add_rows(proxy_.position_m, free_m_s, h, blend::share_of(body.blend_s, h), next,
+    rows += yields->add_rows(proxy_.position_m, free_m_s, h, body.blend, tuning_, next,
                              solver_bodies_[static_cast<std::size_t>(next)], rows_.data(), rows);
     ++next;
   }

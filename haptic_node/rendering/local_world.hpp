@@ -18,6 +18,7 @@
 #include "haptic_node/rendering/local_body.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
 #include "haptic_node/rendering/static_shapes.hpp"
+#include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/shapes/standing_shape.hpp"
@@ -47,16 +48,10 @@ class LocalWorld {
  public:
   /// Those of the answer, and a few that are felt still while their contacts recede.
   static constexpr std::size_t kBodies = rtbus::kContactSlots + 4;
-  static constexpr int kSweeps = 12, kFewestSweeps = 4;
-  static constexpr int kRowSweeps = 100;  ///< Rows times sweeps of a step, about: what bounds its time.
-  static constexpr double kHandSpeed_s = 0.02;
-  static constexpr int kReplayParts = 8;    ///< At most, from the instant of an answer to now …
-  static constexpr int kReplayRows = 100;   ///< … and parts times rows of all bodies, about.
-  static constexpr double kBrake_s = 0.01;  ///< Without answers bodies come to rest in about three times that.
-
   /// @param standing Static bodies whose shape is known: their contacts follow it in each step, whatever plane an
   /// answer told. They stay as long as this object.
-  explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {}) : shapes_(std::move(standing)) {}
+  explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {}, const Tuning& tuning = {})
+      : tuning_(tuning), shapes_(std::move(standing), tuning), contacts_(tuning) {}
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
@@ -86,8 +81,6 @@ class LocalWorld {
   static_assert(HandImpulses::kHeld >= kBodies &&
                 HandImpulses::kMostEntries >= ProxyContactSet::kSolved + SpringHistory::kPlaces);
   static constexpr std::size_t kMostRows = HandImpulses::kMostEntries + SupportPool::kSupports;
-  /// So many steps of physics are kept of what was given: an answer is at most two old.
-  static constexpr double kHistorySteps = 2.5;
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   void take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigid_rows, std::uint64_t now_ns,
@@ -102,11 +95,12 @@ class LocalWorld {
   void give(std::size_t slot, const Eigen::Vector3d& impulse_n_s, const Eigen::Vector3d& from_centre_m) noexcept;
   void move_bodies(double h) noexcept;
 
+  Tuning tuning_;
   StaticShapes shapes_;
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   double work_j_ = 0.0;
-  Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
+  Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about Tuning::noise_s.
   std::uint64_t good_until_ns_ = 0;
   std::uint64_t now_ns_ = 0;
   std::optional<double> correction_m_;

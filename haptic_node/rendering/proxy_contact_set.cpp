@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptic_node/rendering/blend.hpp"
 #include "rtbus/eigen.hpp"
 
 namespace haptic {
@@ -12,15 +11,6 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using rtbus::vector_of;
-
-/// Two normals of one body that are nearer than this belong to one contact.
-constexpr double kSameContact = 0.5;
-/// Of one surface, those that are nearer than about 18 degrees: the impulse of the one is where the other begins.
-constexpr double kSameNormal = 0.95;
-/// A proxy without a size is deep in a body from here on.
-constexpr double kDeep_m = 1e-3;
-/// A way out of a body that no answer has named for so long, and for so many steps, is none: another surface is.
-constexpr double kWayOut_s = 0.5, kWayOutSteps = 4.0;
 
 std::size_t contacts_of(const rtbus::ProxyContacts& answer) noexcept {
   return std::min<std::size_t>(answer.contacts, rtbus::kContactSlots);
@@ -89,7 +79,7 @@ void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const Loc
   }
   count_ = kept;
   StaticShapes::Minima minima;
-  const double reach_m = proxy.radius_m + StaticShapes::look_m(proxy.velocity_m_s.norm(), h);
+  const double reach_m = proxy.radius_m + shapes.look_m(proxy.velocity_m_s.norm(), h);
   const std::size_t found = shapes.minima(index, proxy.position_m, reach_m, minima);
   std::array<bool, kContacts> matched{};
   for (std::size_t m = 0; m < found && count_ < kContacts; ++m) {
@@ -102,7 +92,7 @@ void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const Loc
     const bool clear = minima[m].distance_m >= StaticShapes::kSurface_m;
     if (clear) contact.normal = (proxy.position_m - centre_m - contact.from_centre_m) / minima[m].distance_m;
     std::size_t best = old_count;
-    double best_cosine = kSameNormal;
+    double best_cosine = tuning_.same_plane_cosine;
     for (std::size_t j = 0; j < old_count; ++j) {
       if (matched[j]) continue;
       const bool same = old_[j].feature == contact.feature;
@@ -130,30 +120,31 @@ void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const Loc
 bool ProxyContactSet::name_surface(const TakenAnswer& taken, std::size_t row, double friction, const LocalProxy& proxy,
                                    StaticShapes& shapes) noexcept {
   const int index = shapes.index_of(taken.answer.body_index[row]);
-  if (index < 0 || proxy.radius_m < StaticShapes::kLeastProxy_m || !shapes.is_surface(index)) return false;
+  if (index < 0 || !shapes.holds(proxy.radius_m) || !shapes.is_surface(index)) return false;
   shapes.name(index, {true, taken.slot_of_row[row], friction});
   return true;
 }
 
 /// @returns whether the answer has a contact with that row's body whose normal is about that one.
-bool ProxyContactSet::names(const TakenAnswer& taken, std::size_t row, const Vector3d& normal) noexcept {
+bool ProxyContactSet::names(const TakenAnswer& taken, std::size_t row, const Vector3d& normal) const noexcept {
   for (std::size_t i = 0; i < contacts_of(taken.answer); ++i) {
     if (taken.answer.contact_body[i] != row) continue;
-    if (normal.dot(taken.turned[row] * vector_of(taken.answer.contact_normal[i])) > kSameContact) return true;
+    if (normal.dot(taken.turned[row] * vector_of(taken.answer.contact_normal[i])) > tuning_.same_contact_cosine)
+      return true;
   }
   return false;
 }
 
 /// @returns whether the proxy's centre is inside of the body of that contact, and the way out leads into another body.
 bool ProxyContactSet::blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m,
-                              const LocalProxy& proxy) noexcept {
-  if (gap_m > -std::max(proxy.radius_m, kDeep_m)) return false;
+                              const LocalProxy& proxy) const noexcept {
+  if (gap_m > -std::max(proxy.radius_m, tuning_.deep_m())) return false;
   const Vector3d normal = vector_of(answer.contact_normal[contact]);
   for (std::size_t i = 0; i < contacts_of(answer); ++i) {
     if (answer.contact_body[i] == answer.contact_body[contact]) continue;
     const Vector3d other = vector_of(answer.contact_normal[i]);
     const Vector3d there_m = proxy.position_m - gap_m * normal;
-    const bool opposes = other.dot(normal) < -kSameContact;
+    const bool opposes = other.dot(normal) < -tuning_.same_contact_cosine;
     if (opposes && other.dot(there_m - vector_of(answer.contact_point_m[i])) < proxy.radius_m) return true;
   }
   return false;
@@ -164,8 +155,8 @@ bool ProxyContactSet::blocked(const rtbus::ProxyContacts& answer, std::size_t co
 bool ProxyContactSet::keep_way_out(const TakenAnswer& taken, std::size_t row, std::size_t old_count,
                                    std::span<bool> matched, Bodies bodies, const LocalProxy& proxy,
                                    Contact& contact) noexcept {
-  const auto good_ns =
-      static_cast<std::uint64_t>((kWayOut_s + kWayOutSteps * std::clamp(taken.answer.step_s, 0.0, 1.0)) * 1e9);
+  const double good_s = tuning_.way_out_s + tuning_.way_out_periods() * std::clamp(taken.answer.step_s, 0.0, 1.0);
+  const auto good_ns = static_cast<std::uint64_t>(good_s * 1e9);
   for (std::size_t j = 0; j < old_count; ++j) {
     const bool leads_out = !matched[j] && old_[j].body == contact.body && taken.now_ns <= old_[j].named_ns + good_ns &&
                            old_[j].felt() && gap_of(old_[j], bodies, proxy) < 0.0 &&
@@ -185,7 +176,7 @@ bool ProxyContactSet::keep_way_out(const TakenAnswer& taken, std::size_t row, st
 std::size_t ProxyContactSet::match(const Contact& contact, std::size_t old_count,
                                    std::span<const bool> matched) const noexcept {
   std::size_t best = old_count;
-  double best_cosine = kSameContact;
+  double best_cosine = tuning_.same_contact_cosine;
   for (std::size_t j = 0; j < old_count; ++j) {
     const double cosine = old_[j].normal.dot(contact.normal);
     if (matched[j] || old_[j].body != contact.body || cosine <= best_cosine) continue;
@@ -246,7 +237,7 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
       if (body.as<PileBody>() == nullptr) {
         contact.late_m_s = old_[best].late_m_s - body.motion.velocity_at(contact.from_centre_m);
         const double late = contact.late_m_s.norm();
-        if (late > blend::kRecovery_m_s) contact.late_m_s *= blend::kRecovery_m_s / late;
+        if (late > tuning_.recovery_m_s) contact.late_m_s *= tuning_.recovery_m_s / late;
       }
     } else if (gap_m < 0.0) {
       contact.offset_m = -gap_m;
@@ -276,10 +267,10 @@ void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
     if (contact.fades) {
       // It recedes until it is felt no more.
       if (!contact.felt()) continue;
-      contact.offset_m += blend::kRecovery_m_s * h;
+      contact.offset_m += tuning_.recovery_m_s * h;
     } else if (contact.offset_m != 0.0 || !contact.late_m_s.isZero(0.0)) {
-      const double share = blend::share_of(bodies[contact.body].blend_s, h);
-      contact.offset_m -= std::min(share * contact.offset_m, blend::kRecovery_m_s * h);
+      const double share = bodies[contact.body].blend.share(h);
+      contact.offset_m -= std::min(share * contact.offset_m, tuning_.recovery_m_s * h);
       contact.late_m_s *= 1.0 - share;
     }
     if (kept != i) contacts_[kept] = contact;
@@ -301,7 +292,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     const Vector3d surface = bodies[contact.body].motion.velocity_at(contact.from_centre_m) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;
-    if (count == kSolved || contact.gap_m > way_m + blend::kReach_m) {
+    if (count == kSolved || contact.gap_m > way_m + tuning_.reach_m) {
       contact.impulse_n_s.setZero();
       continue;
     }
@@ -311,7 +302,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     row.normal = contact.normal;
     row.from_b_m = contact.from_centre_m;
     row.surface_velocity_m_s = surface;
-    row.closing_m_s = std::max(contact.gap_m / h, -blend::kRecovery_m_s);
+    row.closing_m_s = std::max(contact.gap_m / h, -tuning_.recovery_m_s);
     row.friction = contact.friction;
     row.impulse_n_s = contact.impulse_n_s;
     row_source_[count++] = i;

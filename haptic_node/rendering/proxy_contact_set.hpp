@@ -14,6 +14,7 @@
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/local_body.hpp"
 #include "haptic_node/rendering/static_shapes.hpp"
+#include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -61,6 +62,8 @@ class ProxyContactSet {
   };
   using Bodies = std::span<const LocalBody>;
 
+  explicit ProxyContactSet(const Tuning& tuning) : tuning_(tuning) {}
+
   void reset() noexcept { count_ = 0; }
   [[nodiscard]] std::span<const Contact> all() const noexcept { return {contacts_.data(), count_}; }
   [[nodiscard]] bool any_of(std::size_t body) const noexcept RTBUS_NONBLOCKING;
@@ -95,14 +98,15 @@ class ProxyContactSet {
                       const StaticShapes& shapes) noexcept;
   [[nodiscard]] static bool name_surface(const TakenAnswer& taken, std::size_t row, double friction,
                                          const LocalProxy& proxy, StaticShapes& shapes) noexcept;
-  [[nodiscard]] static bool names(const TakenAnswer& taken, std::size_t row, const Eigen::Vector3d& normal) noexcept;
-  [[nodiscard]] static bool blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m,
-                                    const LocalProxy& proxy) noexcept;
+  [[nodiscard]] bool names(const TakenAnswer& taken, std::size_t row, const Eigen::Vector3d& normal) const noexcept;
+  [[nodiscard]] bool blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m,
+                             const LocalProxy& proxy) const noexcept;
   bool keep_way_out(const TakenAnswer& taken, std::size_t row, std::size_t old_count, std::span<bool> matched,
                     Bodies bodies, const LocalProxy& proxy, Contact& contact) noexcept;
   [[nodiscard]] std::size_t match(const Contact& contact, std::size_t old_count,
                                   std::span<const bool> matched) const noexcept;
 
+  Tuning tuning_;
   std::array<Contact, kContacts> contacts_{};
   std::size_t count_ = 0;
   std::array<Contact, kContacts> old_;  ///< Before what is being found anew.

@@ -8,10 +8,6 @@ namespace {
 using Eigen::Vector3d;
 using rtbus::shapes::StandingShape;
 
-/// In each step it is looked for surfaces as far as the proxy goes at twice its speed, within these bounds. What pulls
-/// it farther is looked for again, so often at most.
-constexpr double kSlowLook_m_s = 0.1, kFastLook_m_s = 1.0;
-constexpr int kLooks = 8;
 /// What approaches by less than this share of its way slides along.
 constexpr double kSlides = 1e-3;
 
@@ -61,8 +57,8 @@ void StaticShapes::name(int index, const Named& named) noexcept {
   any_named_ = true;
 }
 
-double StaticShapes::look_m(double speed_m_s, double h) noexcept {
-  return h * std::clamp(2.0 * speed_m_s, kSlowLook_m_s, kFastLook_m_s);
+double StaticShapes::look_m(double speed_m_s, double h) const noexcept {
+  return h * std::clamp(2.0 * speed_m_s, tuning_.recovery_m_s, tuning_.fast_look_m_s);
 }
 
 Vector3d StaticShapes::free_way_m(const Vector3d& proxy_m, double radius_m, const Vector3d& way_m,
@@ -71,7 +67,7 @@ Vector3d StaticShapes::free_way_m(const Vector3d& proxy_m, double radius_m, cons
   if (length_m <= seen_m) return way_m;
   const Vector3d along = way_m / length_m;
   double gone_m = seen_m;
-  for (int look = 1; look < kLooks && gone_m < length_m; ++look) {
+  for (int look = 1; look < static_cast<int>(tuning_.parts) && gone_m < length_m; ++look) {
     const Vector3d at = proxy_m + gone_m * along;
     for (std::size_t index = 0; index < named_.size(); ++index) {
       if (!named_[index].named) continue;

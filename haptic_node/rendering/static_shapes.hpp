@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/shapes/standing_shape.hpp"
 
@@ -23,8 +24,6 @@ class StaticShapes {
   using Minima = std::array<rtbus::shapes::Surface::Minimum, kMinima>;
   /// A proxy whose centre is this near to a surface has no normal of its own: its contact stays as it was.
   static constexpr double kSurface_m = 1e-6;
-  /// A surface of triangles has no inside. A proxy that is smaller than this is held by planes as they are told.
-  static constexpr double kLeastProxy_m = 0.25e-3;
 
   /// A surface that the last answer named.
   struct Named {
@@ -33,8 +32,8 @@ class StaticShapes {
     double friction = 0.0;
   };
 
-  explicit StaticShapes(std::vector<rtbus::shapes::StandingShape> shapes)
-      : shapes_(std::move(shapes)), nearest_(shapes_.size()), named_(shapes_.size()) {}
+  StaticShapes(std::vector<rtbus::shapes::StandingShape> shapes, const Tuning& tuning)
+      : tuning_(tuning), shapes_(std::move(shapes)), nearest_(shapes_.size()), named_(shapes_.size()) {}
 
   /// @returns which one that body of the scene is; −1: none.
   [[nodiscard]] int index_of(std::uint32_t body) const noexcept RTBUS_NONBLOCKING;
@@ -49,13 +48,16 @@ class StaticShapes {
   [[nodiscard]] std::size_t minima(std::size_t index, const Eigen::Vector3d& proxy_m, double reach_m,
                                    Minima& out) const noexcept RTBUS_NONBLOCKING;
 
+  /// A surface of triangles has no inside: whether a proxy of that size can be held by it.
+  [[nodiscard]] bool holds(double radius_m) const noexcept { return radius_m >= tuning_.least_proxy_m; }
+
   void forget_names() noexcept RTBUS_NONBLOCKING;
   void name(int index, const Named& named) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool any_named() const noexcept { return any_named_; }
   [[nodiscard]] const std::vector<Named>& named() const noexcept { return named_; }
 
   /// How far from the proxy a step looks for surfaces. @param speed_m_s Of the proxy.
-  [[nodiscard]] static double look_m(double speed_m_s, double h) noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] double look_m(double speed_m_s, double h) const noexcept RTBUS_NONBLOCKING;
   /// How far along `way_m` the proxy can go: the rows of a step know surfaces as far as `seen_m`.
   [[nodiscard]] Eigen::Vector3d free_way_m(const Eigen::Vector3d& proxy_m, double radius_m,
                                            const Eigen::Vector3d& way_m,
@@ -66,6 +68,7 @@ class StaticShapes {
     return shapes_[static_cast<std::size_t>(index)];
   }
 
+  Tuning tuning_;
   std::vector<rtbus::shapes::StandingShape> shapes_;
   std::vector<rtbus::shapes::NearestFeature> nearest_;  ///< Of the last query of each hull.
   std::vector<Named> named_;                            ///< Of each; hulls are none.

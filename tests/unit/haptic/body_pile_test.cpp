@@ -37,8 +37,6 @@ TEST(PileBody, DoesNotSlideOnAsFastAsItSlipped) {
   PileBody pile = told();
   pile.learn(kPush, 20.0 * kSpeed, kHand_m_s);
   EXPECT_NEAR(pile.speed_m_s().norm(), kHand_m_s, 1e-12);
-  pile.learn(kPush, 20.0 * kSpeed, 0.0);
-  EXPECT_NEAR(pile.speed_m_s().norm(), PileBody::kOwnSpeed_m_s, 1e-12);
 }
 
 TEST(PileBody, ComesToRestWithoutNews) {

@@ -52,7 +52,7 @@ TEST_F(YieldingBodyTest, IsASpringInSeriesWithTheHands) {
   double force_n = 0.0;
   for (int i = 0; i <= 100; ++i) force_n = tick(0.002 - 1e-4 * i, -0.1);
   for (int i = 0; i < 50; ++i) force_n = tick(-0.008);
-  const double series = 1.0 / (1.0 / kHandN_m + YieldingBody::kSofter * kCompliance);
+  const double series = 1.0 / (1.0 / kHandN_m + haptic::Tuning{}.softer * kCompliance);
   EXPECT_NEAR(force_n, series * 0.008, 1e-3 * force_n);
   ASSERT_EQ(world->hand_impulses().entries().size(), 1U);
   EXPECT_EQ(world->hand_impulses().entries()[0].body, 7U);

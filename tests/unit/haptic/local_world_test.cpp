@@ -438,7 +438,7 @@ TEST_F(LocalWorldTest, BrakesWithoutNews) {
   const double good_s = 1.5 * kPhysicsS + 3e-3;
   double force_n = 0.0;
   // The hand waits 1 mm beyond where the plate stops if it brakes as it says.
-  const double stop_m = 0.1 * (good_s + LocalWorld::kBrake_s);
+  const double stop_m = 0.1 * (good_s + haptic::Tuning{}.blend_floor_s);
   for (int i = 0; i < 1000; ++i) force_n = std::max(force_n, tick(stop_m + 0.001));
   EXPECT_EQ(force_n, 0.0);
   for (int i = 0; i < 1000; ++i) force_n = std::max(force_n, tick(stop_m + 0.001 - 1e-5 * std::min(i, 200)));
