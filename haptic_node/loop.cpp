@@ -298,6 +298,7 @@ void Loop::tell_physics(const RenderOutput& rendered, const Eigen::Vector3d& wal
 void Loop::record_cycle(const RenderOutput& rendered, const SafetyOutput& safe, const rtbus::Vec3& written_n,
                         std::uint64_t due_ns, std::uint64_t now_ns) noexcept {
   counters_.count(safe, safety_.passivity(), monitor_);
+  if (rendered.correction_m) counters_.count_correction(*rendered.correction_m);
   const std::uint64_t proxy_age_ns = proxy_.valid ? now_ns - proxy_.device_time_ns : 0;  // never later than now
   if (proxy_.valid) counters_.proxy_age_ns.record(proxy_age_ns);
   telemetry_.tick = counters_.ticks.load(std::memory_order_relaxed);

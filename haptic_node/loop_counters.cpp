@@ -37,6 +37,15 @@ void LoopCounters::count(const SafetyOutput& safe, const Passivity& passivity, c
   energy_removed_j.store(passivity.dissipated_j(), std::memory_order_relaxed);
 }
 
+void LoopCounters::count_correction(double correction_m) noexcept {
+  if (!std::isfinite(correction_m)) return;
+  bump(corrections);
+  correction_sum_m.store(correction_sum_m.load(std::memory_order_relaxed) + correction_m, std::memory_order_relaxed);
+  if (correction_m > correction_peak_m.load(std::memory_order_relaxed)) {
+    correction_peak_m.store(correction_m, std::memory_order_relaxed);
+  }
+}
+
 rtbus::LoopStats LoopCounters::stats() const {
   const auto load = [](const auto& counter) { return counter.load(std::memory_order_relaxed); };
   const auto us = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-3; };
@@ -62,6 +71,11 @@ rtbus::LoopStats LoopCounters::stats() const {
   out.force_peak_n = load(force_peak_n);
   out.energy_absorbed_j = load(energy_absorbed_j);
   out.energy_removed_j = load(energy_removed_j);
+  out.corrections = load(corrections);
+  if (out.corrections > 0) {
+    out.correction_mean_mm = 1e3 * load(correction_sum_m) / static_cast<double>(out.corrections);
+    out.correction_max_mm = 1e3 * load(correction_peak_m);
+  }
   out.clamped = load(clamped);
   out.slew_limited = load(slew_limited);
   out.stale_ticks = load(stale_ticks);

@@ -152,9 +152,13 @@ struct LoopStats {
   double energy_absorbed_j = 0.0;  ///< Work of the hand on the device's force since start; negative: the device
                                    ///< returned more than it received.
   double energy_removed_j = 0.0;   ///< Removed by the passivity damper.
-  std::uint64_t ticks_due = 0;     ///< Periods that passed since the loop started.
-  std::uint64_t ticks = 0;         ///< Cycles served.
-  std::uint64_t overruns = 0;      ///< Periods skipped because a cycle began or ended late.
+  /// By how much an answer of physics moved what the hand touched, against what `local_contact` had made of it; at the
+  /// device, mean and largest of the answers since start.
+  double correction_mean_mm = 0.0, correction_max_mm = 0.0;
+  std::uint64_t corrections = 0;  ///< So many answers came while something was touched.
+  std::uint64_t ticks_due = 0;    ///< Periods that passed since the loop started.
+  std::uint64_t ticks = 0;        ///< Cycles served.
+  std::uint64_t overruns = 0;     ///< Periods skipped because a cycle began or ended late.
   std::uint64_t clamped = 0, slew_limited = 0, stale_ticks = 0, nonfinite = 0, overspeed = 0, thermal_limited = 0,
                 passivity_ticks = 0, device_lost = 0;  ///< Ticks in which that stage acted.
   std::uint64_t losses = 0;                            ///< Times physics was declared lost.
@@ -325,37 +329,23 @@ struct SampleTraits<LoopStats> {
   static constexpr std::string_view kName = "rtbus/LoopStats";
   using T = LoopStats;
   static bool sane(const T& sample, std::uint64_t stamp_ns) noexcept RTBUS_NONBLOCKING;  // sane_sample.cpp
-  static constexpr std::array kFields{RTBUS_FIELD(T, rate_hz, "Hz"),
-                                      RTBUS_FIELD(T, achieved_hz, "Hz"),
-                                      RTBUS_FIELD(T, wakeup_p50_us, "us"),
-                                      RTBUS_FIELD(T, wakeup_p99_us, "us"),
-                                      RTBUS_FIELD(T, wakeup_p999_us, "us"),
-                                      RTBUS_FIELD(T, wakeup_max_us, "us"),
-                                      RTBUS_FIELD(T, compute_p50_us, "us"),
-                                      RTBUS_FIELD(T, compute_p99_us, "us"),
-                                      RTBUS_FIELD(T, compute_max_us, "us"),
-                                      RTBUS_FIELD(T, device_p50_us, "us"),
-                                      RTBUS_FIELD(T, device_p99_us, "us"),
-                                      RTBUS_FIELD(T, device_max_us, "us"),
-                                      RTBUS_FIELD(T, proxy_age_p50_ms, "ms"),
-                                      RTBUS_FIELD(T, proxy_age_p99_ms, "ms"),
-                                      RTBUS_FIELD(T, proxy_age_max_ms, "ms"),
-                                      RTBUS_FIELD(T, force_rms_n, "N"),
-                                      RTBUS_FIELD(T, force_peak_n, "N"),
-                                      RTBUS_FIELD(T, energy_absorbed_j, "J"),
-                                      RTBUS_FIELD(T, energy_removed_j, "J"),
-                                      RTBUS_FIELD(T, ticks_due, "1"),
-                                      RTBUS_FIELD(T, ticks, "1"),
-                                      RTBUS_FIELD(T, overruns, "1"),
-                                      RTBUS_FIELD(T, clamped, "1"),
-                                      RTBUS_FIELD(T, slew_limited, "1"),
-                                      RTBUS_FIELD(T, stale_ticks, "1"),
-                                      RTBUS_FIELD(T, nonfinite, "1"),
-                                      RTBUS_FIELD(T, overspeed, "1"),
-                                      RTBUS_FIELD(T, thermal_limited, "1"),
-                                      RTBUS_FIELD(T, passivity_ticks, "1"),
-                                      RTBUS_FIELD(T, device_lost, "1"),
-                                      RTBUS_FIELD(T, losses, "1"),
+  static constexpr std::array kFields{RTBUS_FIELD(T, rate_hz, "Hz"),           RTBUS_FIELD(T, achieved_hz, "Hz"),
+                                      RTBUS_FIELD(T, wakeup_p50_us, "us"),     RTBUS_FIELD(T, wakeup_p99_us, "us"),
+                                      RTBUS_FIELD(T, wakeup_p999_us, "us"),    RTBUS_FIELD(T, wakeup_max_us, "us"),
+                                      RTBUS_FIELD(T, compute_p50_us, "us"),    RTBUS_FIELD(T, compute_p99_us, "us"),
+                                      RTBUS_FIELD(T, compute_max_us, "us"),    RTBUS_FIELD(T, device_p50_us, "us"),
+                                      RTBUS_FIELD(T, device_p99_us, "us"),     RTBUS_FIELD(T, device_max_us, "us"),
+                                      RTBUS_FIELD(T, proxy_age_p50_ms, "ms"),  RTBUS_FIELD(T, proxy_age_p99_ms, "ms"),
+                                      RTBUS_FIELD(T, proxy_age_max_ms, "ms"),  RTBUS_FIELD(T, force_rms_n, "N"),
+                                      RTBUS_FIELD(T, force_peak_n, "N"),       RTBUS_FIELD(T, energy_absorbed_j, "J"),
+                                      RTBUS_FIELD(T, energy_removed_j, "J"),   RTBUS_FIELD(T, correction_mean_mm, "mm"),
+                                      RTBUS_FIELD(T, correction_max_mm, "mm"), RTBUS_FIELD(T, corrections, "1"),
+                                      RTBUS_FIELD(T, ticks_due, "1"),          RTBUS_FIELD(T, ticks, "1"),
+                                      RTBUS_FIELD(T, overruns, "1"),           RTBUS_FIELD(T, clamped, "1"),
+                                      RTBUS_FIELD(T, slew_limited, "1"),       RTBUS_FIELD(T, stale_ticks, "1"),
+                                      RTBUS_FIELD(T, nonfinite, "1"),          RTBUS_FIELD(T, overspeed, "1"),
+                                      RTBUS_FIELD(T, thermal_limited, "1"),    RTBUS_FIELD(T, passivity_ticks, "1"),
+                                      RTBUS_FIELD(T, device_lost, "1"),        RTBUS_FIELD(T, losses, "1"),
                                       RTBUS_FIELD(T, last_loss_ns, "ns")};
 };
 template <>
@@ -436,7 +426,7 @@ static_assert(sizeof(DeviceState) == 552 && Sample<DeviceState>);
 static_assert(sizeof(ProxyState) == 232 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 552 && Sample<NodeInfo>);
-static_assert(sizeof(LoopStats) == 256 && Sample<LoopStats>);
+static_assert(sizeof(LoopStats) == 280 && Sample<LoopStats>);
 static_assert(sizeof(Telemetry) == 240 && Sample<Telemetry>);
 static_assert(sizeof(StepStats) == 88 && Sample<StepStats>);
 static_assert(sizeof(BodyPoses) == 3624 && Sample<BodyPoses>);

@@ -176,10 +176,11 @@ bool SampleTraits<LoopStats>::sane(const T& s, std::uint64_t stamp_ns) noexcept 
                             s.wakeup_p999_us,   s.wakeup_max_us,     s.compute_p50_us,   s.compute_p99_us,
                             s.compute_max_us,   s.device_p50_us,     s.device_p99_us,    s.device_max_us,
                             s.proxy_age_p50_ms, s.proxy_age_p99_ms,  s.proxy_age_max_ms, s.force_rms_n,
-                            s.force_peak_n,     s.energy_absorbed_j, s.energy_removed_j};
+                            s.force_peak_n,     s.energy_absorbed_j, s.energy_removed_j, s.correction_mean_mm,
+                            s.correction_max_mm};
   return within(figures, kAny) &&
          all_counted(s.ticks_due, s.ticks, s.overruns, s.clamped, s.slew_limited, s.stale_ticks, s.nonfinite,
-                     s.overspeed, s.thermal_limited, s.passivity_ticks, s.device_lost, s.losses) &&
+                     s.overspeed, s.thermal_limited, s.passivity_ticks, s.device_lost, s.losses, s.corrections) &&
          not_after(s.last_loss_ns, stamp_ns);
 }
 

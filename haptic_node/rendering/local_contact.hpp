@@ -2,7 +2,6 @@
 /// @file local_contact.hpp
 /// The method `local_contact`: the proxy and the bodies that it meets are simulated in the haptic loop, from what
 /// physics says about the contacts near the proxy.
-#include <array>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -40,17 +39,6 @@ class LocalContact final : public Method {
   void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
 
  private:
-  /// What one body has received since its row became its own.
-  struct Given {
-    std::uint32_t body = 0;
-    std::uint32_t generation = 0;  ///< 0: the row is free.
-    std::uint64_t last_tick = 0;
-    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
-    Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
-    Eigen::Vector3d travel_n_s2 = Eigen::Vector3d::Zero();
-  };
-  [[nodiscard]] Given& row_of(std::uint32_t body) noexcept;
-
   double stiffness_n_per_m_;
   double damping_n_s_per_m_;
   const Mapping& mapping_;
@@ -58,11 +46,6 @@ class LocalContact final : public Method {
   bool placed_ = false;
   std::uint64_t sample_ns_ = 0;
   double step_s_ = 0.0;  ///< Of the last tick.
-  std::uint64_t ticks_ = 0;
-  std::uint32_t generations_ = 0;
-  std::array<Given, rtbus::kHandImpulseRows> given_{};
-  std::size_t last_row_ = rtbus::kHandImpulseRows;  ///< Of the body that was touched last, and where.
-  Eigen::Vector3d last_arm_m_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace haptic

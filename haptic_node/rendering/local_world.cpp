@@ -3,302 +3,341 @@
 #include <algorithm>
 #include <cmath>
 
+#include "haptic_node/rendering/blend.hpp"
 #include "rtbus/clock.hpp"
 
 namespace haptic {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// Every support gives way a little, as a share of the body: two that face each other then never contradict each other.
-constexpr double kSupportSoftness = 0.02;
+/// Rows of bodies that are not soft: they come first.
+std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
+  std::size_t rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
+  while (rows > 0 && answer.body_kind[rows - 1] == YieldingBody::kKind) --rows;
+  return rows;
+}
+
+/// The supports of the farthest bodies may not have found a place. @returns the first row that lacks some.
+std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
+  if (answer.supports_overflow == 0 || answer.supports == 0) return rtbus::kContactSlots;
+  const std::size_t last = std::min<std::size_t>(answer.supports, rtbus::kSupportSlots) - 1;
+  return std::max<std::size_t>(answer.support_body[last], 1);
+}
 
 }  // namespace
 
 void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
-  position_m_ = proxy_m;
-  velocity_m_s_.setZero();
+  proxy_ = {proxy_m, Vector3d::Zero(), proxy_.radius_m};
   impulse_n_s_.setZero();
   work_j_ = 0.0;
-  for (Body& body : bodies_) body.used = false;
-  contact_count_ = support_count_ = push_count_ = 0;
+  for (LocalBody& body : bodies_) body.used = false;
+  contacts_.reset();
+  supports_.count = 0;
+  impulses_.release_all();
   hand_m_s_.setZero();
-  soft_.reset();
-  for (Touchable& each : touchable_) each.named = false;
-  any_touchable_ = false;
+  springs_.reset();
+  any_yields_ = false;
+  shapes_.forget_names();
   good_until_ns_ = 0;
 }
 
-double LocalWorld::gap_of(const Contact& contact) const noexcept {
-  const Vector3d point = bodies_[contact.body].centre_m + contact.from_centre_m;
-  if (contact.radius_m <= 0.0) return contact.normal.dot(position_m_ - point) - proxy_radius_m_;
-  return (position_m_ - point + contact.radius_m * contact.normal).norm() - contact.radius_m - proxy_radius_m_;
+void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
+  good_until_ns_ =
+      now_ns + static_cast<std::uint64_t>((tuning_.good_periods * answer.step_s + tuning_.good_besides_s) * 1e9);
+  const double history_ns = tuning_.history_periods() * answer.step_s * 1e9;
+  impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
+  springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
+  proxy_.radius_m = answer.proxy_radius_m;
+  correction_m_.reset();
+  contacts_.remember(bodies_, proxy_);
+
+  for (LocalBody& body : bodies_) body.named = false;
+  const std::size_t rigid = rigid_rows_of(answer);
+  std::array<std::size_t, rtbus::kContactSlots> slot_of_row{};
+  std::array<Quaterniond, rtbus::kContactSlots> turned;
+  take_rigid(answer, rigid, now_ns, slot_of_row, turned);
+  take_yielding(answer, rigid);
+  for (LocalBody& body : bodies_) {
+    if (auto* const free = body.as<FreeBody>(); free != nullptr && !body.named) free->leave_supports();
+  }
+  const auto rigid_m = contacts_.take({answer, now_ns, rigid, slot_of_row, turned}, bodies_, proxy_, shapes_);
+  if (rigid_m) correction_m_ = std::max(correction_m_.value_or(0.0), *rigid_m);
+  any_yields_ = false;
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    const LocalBody& body = bodies_[slot];
+    if (!body.used) continue;
+    const auto* const yields = body.as<YieldingBody>();
+    const bool felt = yields != nullptr ? yields->touched() : contacts_.any_of(slot);
+    if (!body.named && !felt) free_slot(slot);
+    any_yields_ = any_yields_ || (body.used && yields != nullptr);
+  }
 }
 
-Vector3d LocalWorld::surface_m_s(const Contact& contact) const noexcept {
-  const SolverBody& body = bodies_[contact.body].motion;
-  return body.velocity_m_s + body.angular_velocity_rad_s.cross(contact.from_centre_m);
+void LocalWorld::free_slot(std::size_t slot) noexcept {
+  contacts_.drop(slot);
+  if (const auto* const yields = bodies_[slot].as<YieldingBody>()) springs_.close(yields->place());
+  impulses_.release(bodies_[slot].place);
+  bodies_[slot].used = false;
 }
 
-/// On a ball the contact goes where the proxy goes.
-void LocalWorld::roll(Contact& contact) const noexcept {
-  const Vector3d middle = contact.from_centre_m - contact.radius_m * contact.normal;
-  const Vector3d way = position_m_ - bodies_[contact.body].centre_m - middle;
-  if (way.squaredNorm() <= 1e-12) return;
-  contact.normal = way.normalized();
-  contact.from_centre_m = middle + contact.radius_m * contact.normal;
+std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
+  std::size_t free = kBodies;
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    if (bodies_[slot].used && bodies_[slot].index == index) return slot;
+    if (!bodies_[slot].used && free == kBodies) free = slot;
+  }
+  if (free < kBodies) return free;
+  // All are taken: one that this answer does not name must go, and is not felt: the contacts of that are to recede.
+  std::array<bool, kBodies> felt{};
+  for (const auto& contact : contacts_.all()) felt[contact.body] = felt[contact.body] || contact.felt();
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    const auto* const yields = bodies_[slot].as<YieldingBody>();
+    felt[slot] = felt[slot] || (yields != nullptr && yields->touched());
+  }
+  for (const bool unfelt : {true, false}) {
+    for (std::size_t slot = 0; slot < kBodies; ++slot) {
+      if (bodies_[slot].named || (unfelt && felt[slot])) continue;
+      free_slot(slot);
+      return slot;
+    }
+  }
+  return 0;
+}
+
+void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigid_rows, std::uint64_t now_ns,
+                            std::span<std::size_t> slot_of_row, std::span<Quaterniond> turned) noexcept {
+  const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
+  std::array<std::size_t, rtbus::kContactSlots> count{};
+  std::array<double, rtbus::kContactSlots> loosest{};
+  for (std::size_t i = 0; i < supports; ++i) {
+    const std::size_t row = answer.support_body[i];
+    if (row >= rigid_rows) continue;
+    ++count[row];
+    loosest[row] = std::max(loosest[row], answer.support_inverse_mass_per_kg[i]);
+  }
+  // Every body goes on from the answer's instant to now in so many parts.
+  const std::size_t complete = complete_rows(answer);
+  int rows = 0;
+  for (std::size_t row = 0; row < rigid_rows; ++row) {
+    if (answer.body_kind[row] == 0) continue;
+    const bool sleeps = count[row] == 0 && row < complete && answer.body_friction_bound_n[row] > 0.0;
+    rows += 1 + (loosest[row] > 0.0 ? 0 : sleeps ? 1 : static_cast<int>(count[row]));
+  }
+  int parts = 1;
+  if (answer.device_time_ns < now_ns) {
+    const double ticks = std::ceil(rtbus::seconds_between(answer.device_time_ns, now_ns) / tick_s_ - 0.1);
+    const int most =
+        std::min(static_cast<int>(std::min(1e3, ticks)), static_cast<int>(tuning_.row_budget) / std::max(1, rows));
+    parts = std::clamp(most, 1, static_cast<int>(tuning_.parts));
+  }
+  std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
+  supports_.count = 0;
+  supports_.spare = SupportPool::kSupports - supports;
+  for (std::size_t row = 0; row < rigid_rows; ++row) {
+    slot_of_row[row] = slot_of(answer.body_index[row]);
+    turned[row] = take_body({answer, row, row < complete, count[row], loosest[row]}, slot_of_row[row], parts, now_ns);
+  }
+}
+
+Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int parts, std::uint64_t now_ns) noexcept {
+  const rtbus::ProxyContacts& answer = told.answer;
+  LocalBody& body = bodies_[slot];
+  if (!body.used) {
+    body = LocalBody{};
+    body.index = answer.body_index[told.row];
+    body.place = impulses_.hold(body.index);
+  }
+  body.used = body.named = true;
+  const SinceAnswer since{answer.device_time_ns,     now_ns,       parts,  tick_s_, impulses_.history(body.place),
+                          impulses_.sum(body.place), rows_.data(), tuning_};
+  const Impulse then = since.given_at(since.from_ns);
+  body.blend = Blend::of(tuning_, answer.step_s);
+  Quaterniond turned = Quaterniond::Identity();
+  if (answer.body_kind[told.row] == 0) {
+    turned = body.become<FixedBody>().take(told, body.motion);
+  } else if (answer.body_kind[told.row] == 1) {
+    turned = body.become<DrivenBody>().take(told, since, body.motion);
+  } else if (told.loosest_per_kg > 0.0) {
+    turned = body.become<PileBody>().take(told, since, body.known, then.linear_n_s, hand_m_s_.norm(), body.motion);
+    body.blend = Blend::of_pile(tuning_, answer.step_s);
+  } else {
+    auto& free = body.become<FreeBody>();
+    turned = free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
+    if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
+  }
+  body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};
+  return turned;
+}
+
+void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept {
+  const std::size_t bodies = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
+  if (rigid_rows == bodies && !any_yields_) return;
+  for (LocalBody& body : bodies_) {
+    if (auto* const yields = body.as<YieldingBody>()) yields->fade();
+  }
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+    const std::size_t row = answer.contact_body[i];
+    if (row < rigid_rows || row >= bodies) continue;
+    LocalBody& body = bodies_[slot_of(answer.body_index[row])];
+    const bool known = body.used;
+    if (!known) {
+      const std::size_t place = springs_.open();
+      if (place == SpringHistory::kPlaces) continue;  // as many as there is room for: the nearest come first
+      body = LocalBody{};
+      body.index = answer.body_index[row];
+      body.kind.emplace<YieldingBody>(place);
+      body.place = impulses_.hold(body.index);
+    }
+    body.used = body.named = true;
+    body.blend = Blend::of(tuning_, answer.step_s);
+    const auto moved_m = body.as<YieldingBody>()->take(answer, i, springs_, proxy_.position_m, known, tuning_);
+    if (moved_m) correction_m_ = std::max(correction_m_.value_or(0.0), *moved_m);
+  }
 }
 
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   now_ns_ = sample_ns;
   tick_s_ = h;
-  hand_m_s_ += -std::expm1(-h / kHandSpeed_s) * (spring.goal_velocity_m_s - hand_m_s_);
+  hand_m_s_ += -std::expm1(-h / tuning_.noise_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   work_j_ = 0.0;
-  push_count_ = 0;
+  impulses_.begin(sample_ns - static_cast<std::uint64_t>(h * 1e9), sample_ns);
   const double lag = h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
   if (lag <= 0.0) {  // nothing holds the proxy to the hand: it is the hand
-    position_m_ = spring.goal_m;
-    velocity_m_s_ = spring.goal_velocity_m_s;
+    proxy_.position_m = spring.goal_m;
+    proxy_.velocity_m_s = spring.goal_velocity_m_s;
     return;
   }
-  blend(h);
+  contacts_.blend(bodies_, h);
+  brake(h);
   SolverBody& proxy = solver_bodies_[0];
-  proxy.velocity_m_s =
-      (spring.stiffness_n_per_m * (spring.goal_m - position_m_) + spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
-      lag;
+  proxy.velocity_m_s = (spring.stiffness_n_per_m * (spring.goal_m - proxy_.position_m) +
+                        spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
+                       lag;
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 
-  const std::size_t rows = gather(h);
-  SolverContact* const soft_rows = rows_.data() + rows;
-  const std::size_t soft = soft_.any() ? soft_.gather(position_m_, solver_bodies_[0].velocity_m_s, h,
-                                                      solver_bodies_.data(), kSoftBody, soft_rows)
-                                       : 0;
-  if (const std::size_t all = rows + soft; all > 0) {
-    const int sweeps = std::clamp(kRowSweeps / static_cast<int>(all), kFewestSweeps, kSweeps);
-    solve_contacts(solver_bodies_.data(), rows_.data(), all, sweeps);
+  if (const std::size_t rows = gather(h); rows > 0) {
+    const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows),
+                                  tuning_.fewest_sweeps(), tuning_.most_sweeps());
+    solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
+    give_impulses();
   }
-  const std::uint64_t began_ns = sample_ns - static_cast<std::uint64_t>(h * 1e9);
-  for (std::size_t i = 0; i < rows; ++i) {
-    if (i >= solved_contacts_) {
-      supports_[row_source_[i]].impulse_n_s = rows_[i].impulse_n_s;
-      supports_[row_source_[i]].torsion_n_m_s = rows_[i].torsion_n_m_s;
-      continue;
-    }
-    Contact& contact = contacts_[row_source_[i]];
-    contact.impulse_n_s = rows_[i].impulse_n_s;
-    if (contact.impulse_n_s.isZero(0.0)) continue;
-    impulse_n_s_ += contact.impulse_n_s;
-    Body& body = bodies_[contact.body];
-    const Impulse before = body.given;
-    body.given += {-contact.impulse_n_s, -contact.from_centre_m.cross(contact.impulse_n_s)};
-    given_[contact.body].add(began_ns, sample_ns, given_apart_ns_, before, body.given);
-    push_slot_[push_count_] = contact.body;
-    pushes_[push_count_++] = {body.index, -contact.impulse_n_s, contact.from_centre_m};
-    if (body.driven) work_j_ += contact.impulse_n_s.dot(surface_m_s(contact));
-  }
-  for (std::size_t i = 0; i < soft; ++i) {
-    if (soft_rows[i].impulse_n_s.isZero(0.0)) continue;
-    impulse_n_s_ += soft_rows[i].impulse_n_s;
-    push_slot_[push_count_] = kSoftBody;
-    pushes_[push_count_++] = {soft_.body_of(i), -soft_rows[i].impulse_n_s, Vector3d::Zero()};
-  }
-  if (soft_.any()) soft_.integrate(solver_bodies_.data(), kSoftBody, soft_rows, h, sample_ns);
-  integrate(h);
+  const Vector3d& solved_m_s = proxy.velocity_m_s;
+  proxy_.velocity_m_s = shapes_.any_named()
+                            ? Vector3d(shapes_.free_way_m(proxy_.position_m, proxy_.radius_m, h * solved_m_s,
+                                                          shapes_.look_m(proxy_.velocity_m_s.norm(), h)) /
+                                       h)
+                            : solved_m_s;
+  proxy_.position_m += h * proxy_.velocity_m_s;
+  contacts_.advance(h);
+  move_bodies(h);
 }
 
-/// Surfaces go on to where physics has them. Without news everything comes to rest, and so does what the last answer
-/// does not name: a body that moves whatever pushes would take the proxy along for ever.
-void LocalWorld::blend(double h) noexcept {
-  const double share = -std::expm1(-h / blend_s_), heap_share = -std::expm1(-h / heap_blend_s_),
-               rock_share = -std::expm1(-h / rock_blend_s_);
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < contact_count_; ++i) {
-    Contact& contact = contacts_[i];
-    if (contact.fades) {
-      // It recedes until it is felt no more.
-      if (contact.impulse_n_s.isZero(0.0)) continue;
-      contact.offset_m += kRecovery_m_s * h;
-    } else {
-      const Body& body = bodies_[contact.body];
-      const double part = body.jammed ? heap_share : body.rocks && contact.radius_m <= 0.0 ? rock_share : share;
-      contact.offset_m -= std::min(part * contact.offset_m, kRecovery_m_s * h);
-      contact.late_m_s *= 1.0 - part;
-    }
-    if (kept != i) contacts_[kept] = contact;
-    ++kept;
-  }
-  contact_count_ = kept;
+/// Without answers everything comes to rest, and so does what the last answer does not name: a body that moves whatever
+/// pushes would take the proxy along for ever.
+void LocalWorld::brake(double h) noexcept {
   const bool news = now_ns_ <= good_until_ns_;
-  const double slower = std::exp(-h / kBrake_s);
-  for (Body& body : bodies_) {
+  const double slower = std::exp(-h / tuning_.blend_floor_s);
+  for (LocalBody& body : bodies_) {
     if (!body.used || (body.named && news)) continue;
-    body.motion.velocity_m_s *= slower;
-    body.motion.angular_velocity_rad_s *= slower;
-    if (!body.supported) {  // what stands on something is held there by its weight
-      body.force_n.setZero();
-      body.torque_n_m.setZero();
-    }
-    body.heap.brake(slower);
+    body.motion.brake(slower);
+    if (auto* const free = body.as<FreeBody>()) free->brake();
+    if (auto* const pile = body.as<PileBody>()) pile->brake(slower);
   }
 }
 
-/// What the proxy rubs against on a heap. Along the normal the heap moves as it is known to. Across it, it goes along
-/// with the hand, as far as both move the same way, and else stands: were the proxy dragged by what an answer says, the
-/// spring to the hand would pull the body back one and a half periods late, and stacks swing under a hand at rest.
-Vector3d LocalWorld::heap_surface_m_s(const Body& body, const Vector3d& normal) const noexcept {
-  const Vector3d hand_m_s = hand_m_s_ - normal.dot(hand_m_s_) * normal;
-  const double square = hand_m_s.squaredNorm();
-  Vector3d out = normal.dot(body.heap.free_m_s()) * normal;
-  if (square > 0.0) out += std::clamp(hand_m_s.dot(body.heap.speed_m_s()) / square, 0.0, 1.0) * hand_m_s;
-  return out;
-}
-
-/// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part.
+/// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part, then soft
+/// bodies.
 std::size_t LocalWorld::gather(double h) noexcept {
-  std::array<bool, kBodies> takes_part{};
-  std::size_t rows = 0;
-  for (std::size_t i = 0; any_touchable_ && i < touchable_.size(); ++i) {
-    if (touchable_[i].named) follow_surface(i, h);
-  }
-  for (std::size_t i = 0; i < contact_count_; ++i) {
-    Contact& contact = contacts_[i];
-    if (contact.radius_m > 0.0) roll(contact);
-    if (contact.standing >= 0 && !contact.fades) follow_hull(contact);
-    const Body& body = bodies_[contact.body];
-    const Vector3d surface = surface_m_s(contact) + contact.late_m_s;
-    contact.gap_m = gap_of(contact) + contact.offset_m;
-    const double way_m = -contact.normal.dot(solver_bodies_[0].velocity_m_s - surface) * h;
-    if (rows == kSolved || contact.gap_m > way_m + kReach_m) {
-      contact.impulse_n_s.setZero();
-      continue;
-    }
-    takes_part[contact.body] = true;
-    SolverContact& row = rows_[rows];
-    row = SolverContact{};
-    row.normal = contact.normal;
-    row.from_b_m = contact.from_centre_m;
-    row.surface_velocity_m_s = surface;
-    row.closing_m_s = std::max(contact.gap_m / h, -kRecovery_m_s);
-    row.friction = contact.friction;
-    row.impulse_n_s = contact.impulse_n_s;
-    if (body.jammed) {
-      row.surface_velocity_m_s = heap_surface_m_s(body, row.normal);
-      row.softness_per_kg = body.heap.mobility_m_s_n() / h;
-      row.advance_m_s = body.heap.advance_m_s(row.normal);
-    }
-    row_source_[rows++] = i;
-  }
-  solved_contacts_ = rows;
-
+  std::array<bool, kBodies> touched{};
+  const Vector3d& free_m_s = solver_bodies_[0].velocity_m_s;
+  solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, h, shapes_, rows_.data(), touched);
+  std::size_t rows = solved_contacts_;
   int next = 1;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
-    const Body& body = bodies_[slot];
-    solver_body_[slot] = SolverContact::kFixed;
-    if (!body.used || body.jammed || body.motion.inverse_mass_per_kg <= 0.0) continue;
-    const bool moving = !body.motion.velocity_m_s.isZero(1e-9) || !body.motion.angular_velocity_rad_s.isZero(1e-7);
-    const bool falls = !body.supported && !body.force_n.isZero(0.0);
-    if (!takes_part[slot] && !moving && !falls) continue;
-    solver_body_[slot] = next;
-    SolverBody& solver = solver_bodies_[static_cast<std::size_t>(next++)];
-    solver = body.motion;
-    solver.velocity_m_s += h * body.motion.inverse_mass_per_kg * body.force_n;
-    solver.angular_velocity_rad_s += h * body.motion.inverse_inertia_per_kg_m2 * body.torque_n_m;
+    auto* const free = bodies_[slot].as<FreeBody>();
+    if (free == nullptr || !bodies_[slot].used) continue;
+    const bool joins =
+        free->join(bodies_[slot].motion, touched[slot], next, h, solver_bodies_[static_cast<std::size_t>(next)]);
+    next += joins ? 1 : 0;
   }
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
-    const Contact& contact = contacts_[row_source_[i]];
-    rows_[i].b = solver_body_[contact.body];
-    if (rows_[i].b >= 0) rows_[i].surface_velocity_m_s = contact.late_m_s;
+    const auto& contact = contacts_.of_row(i);
+    const LocalBody& body = bodies_[contact.body];
+    if (const auto* const free = body.as<FreeBody>()) free->fill_row(contact.late_m_s, rows_[i]);
+    if (const auto* const pile = body.as<PileBody>()) pile->fill_row(hand_m_s_, h, rows_[i]);
   }
-
-  for (std::size_t i = 0; i < support_count_; ++i) {
-    Support& support = supports_[i];
-    const int held = solver_body_[support.body];
-    if (held < 0) {
-      support.impulse_n_s.setZero();
-      support.torsion_n_m_s = 0.0;
-      continue;
-    }
-    rows_[rows] = support_row(support, h);
-    rows_[rows].a = held;
-    row_source_[rows++] = i;
+  for (LocalBody& body : bodies_) {
+    auto* const free = body.as<FreeBody>();
+    if (free != nullptr && body.used) rows += free->add_rows(supports_, h, rows_.data(), rows);
+  }
+  if (!any_yields_) return rows;
+  for (LocalBody& body : bodies_) {
+    auto* const yields = body.as<YieldingBody>();
+    if (yields == nullptr || !body.used) continue;
+    rows += yields->add_rows(proxy_.position_m, free_m_s, h, body.blend, tuning_, next,
+                             solver_bodies_[static_cast<std::size_t>(next)], rows_.data(), rows);
+    ++next;
   }
   return rows;
 }
 
-/// Of body 0.
-SolverContact LocalWorld::support_row(const Support& support, double h) const noexcept {
-  const Body& body = bodies_[support.body];
-  SolverContact row;
-  row.normal = support.normal;
-  row.from_a_m = support.from_centre_m;
-  row.surface_velocity_m_s = support.velocity_m_s;
-  row.friction = support.friction;
-  row.torsion_radius_m = support.torsion_radius_m;
-  row.softness_per_kg = kSupportSoftness * body.motion.inverse_mass_per_kg;
-  row.expected_n_s = support.force_n * h;
-  row.impulse_n_s = support.impulse_n_s;
-  row.torsion_n_m_s = support.torsion_n_m_s;
-  if (!body.supported) row.held_n_s = body.friction_bound_n * h;
-  return row;
-}
-
-void LocalWorld::felt(std::size_t push, const Vector3d& impulse_n_s) noexcept {
-  if (push_slot_[push] >= kBodies) return;  // soft: not carried forward by impulses
-  Body& body = bodies_[push_slot_[push]];
-  const Vector3d more_n_s = impulse_n_s - pushes_[push].impulse_n_s;
-  const Impulse more{more_n_s, pushes_[push].from_centre_m.cross(more_n_s)};
-  body.given += more;
-  if (!body.jammed && solver_body_[push_slot_[push]] >= 0) {  // it moves by what was felt
-    body.motion.velocity_m_s += body.motion.inverse_mass_per_kg * more.linear_n_s;
-    body.motion.angular_velocity_rad_s += body.motion.inverse_inertia_per_kg_m2 * more.angular_n_m_s;
+/// What the proxy gave to whom.
+void LocalWorld::give_impulses() noexcept {
+  for (std::size_t i = 0; i < solved_contacts_; ++i) {
+    auto& contact = contacts_.of_row(i);
+    contact.impulse_n_s = rows_[i].impulse_n_s;
+    if (!contact.felt()) continue;
+    give(contact.body, contact.impulse_n_s, contact.from_centre_m);
+    const LocalBody& body = bodies_[contact.body];
+    if (body.as<DrivenBody>() != nullptr) {
+      work_j_ += contact.impulse_n_s.dot(body.motion.velocity_at(contact.from_centre_m));
+    }
   }
-  given_[push_slot_[push]].correct(now_ns_, more);
-}
-
-void LocalWorld::integrate(double h) noexcept {
-  const Vector3d& solved_m_s = solver_bodies_[0].velocity_m_s;
-  velocity_m_s_ = any_touchable_ ? Vector3d(free_way_m(h * solved_m_s, h) / h) : solved_m_s;
-  position_m_ += h * velocity_m_s_;
-  for (std::size_t i = 0; i < contact_count_; ++i) {
-    contacts_[i].offset_m -= h * contacts_[i].normal.dot(contacts_[i].late_m_s);
-  }
+  if (!any_yields_) return;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
-    Body& body = bodies_[slot];
-    if (!body.used || !body.moves) continue;
-    if (body.jammed) {
-      move_heap(slot, h);
-      continue;
-    }
-    if (solver_body_[slot] >= 0) {
-      const SolverBody& solver = solver_bodies_[static_cast<std::size_t>(solver_body_[slot])];
-      body.motion.velocity_m_s = solver.velocity_m_s;
-      body.motion.angular_velocity_rad_s = solver.angular_velocity_rad_s;
-    }
-    body.centre_m += h * body.motion.velocity_m_s;
-    if (body.motion.angular_velocity_rad_s.isZero(0.0)) continue;
-    const Quaterniond turned = turn_of(body.motion.angular_velocity_rad_s, h);
-    for (std::size_t i = 0; i < contact_count_; ++i) {
-      if (contacts_[i].body != slot) continue;
-      contacts_[i].from_centre_m = turned * contacts_[i].from_centre_m;
-      contacts_[i].normal = turned * contacts_[i].normal;
-    }
+    const auto* const yields = bodies_[slot].as<YieldingBody>();
+    if (yields == nullptr || !bodies_[slot].used || yields->row() == YieldingBody::kNoRow) continue;
+    const Vector3d& impulse = rows_[yields->row()].impulse_n_s;
+    if (!impulse.isZero(0.0)) give(slot, impulse, Vector3d::Zero());
   }
 }
 
-/// As its contacts took it to move when they were solved.
-void LocalWorld::move_heap(std::size_t slot, double h) noexcept {
-  Body& body = bodies_[slot];
-  Vector3d impulse_n_s = Vector3d::Zero();
-  for (std::size_t i = 0; i < push_count_; ++i) {
-    if (push_slot_[i] == slot) impulse_n_s += pushes_[i].impulse_n_s;
+/// @param impulse_n_s On the proxy.
+void LocalWorld::give(std::size_t slot, const Vector3d& impulse_n_s, const Vector3d& from_centre_m) noexcept {
+  impulse_n_s_ += impulse_n_s;
+  impulses_.give(bodies_[slot].place, slot, -impulse_n_s, from_centre_m);
+}
+
+void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
+  impulses_.settle(impulse_n_s);
+  for (const auto& entry : impulses_.entries()) {
+    LocalBody& body = bodies_[entry.slot];
+    if (const auto* const free = body.as<FreeBody>()) free->correct(entry.more, body.motion);
   }
-  const Vector3d way_m = body.heap.way_m(impulse_n_s, h);
-  body.centre_m += way_m;
-  body.motion.velocity_m_s = way_m / h;
-  body.motion.angular_velocity_rad_s.setZero();
+}
+
+void LocalWorld::move_bodies(double h) noexcept {
+  StepSolution step{solver_bodies_.data(), rows_.data(), h};
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    LocalBody& body = bodies_[slot];
+    if (!body.used) continue;
+    if (auto* const driven = body.as<DrivenBody>()) driven->advance(step, body.motion);
+    if (auto* const free = body.as<FreeBody>()) free->advance(step, supports_, body.motion);
+    if (auto* const yields = body.as<YieldingBody>()) yields->advance(step, springs_);
+    if (auto* const pile = body.as<PileBody>()) {
+      step.pushed_n_s.setZero();
+      for (const auto& entry : impulses_.entries()) {
+        if (entry.slot == slot) step.pushed_n_s += entry.impulse_n_s;
+      }
+      pile->advance(step, body.motion);
+    }
+    if (body.motion.angular_velocity_rad_s.isZero(0.0)) continue;
+    contacts_.turn(slot, turn_of(body.motion.angular_velocity_rad_s, h));
+  }
+  if (any_yields_) springs_.record(now_ns_);
 }
 
 }  // namespace haptic

@@ -3,6 +3,7 @@
 /// A force-rendering method: computes the force on the hand from device position and proxy. One method per file in this
 /// folder.
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 #include <Eigen/Core>
@@ -47,6 +48,9 @@ struct RenderOutput {
   /// Work of kinematic bodies on the coupling in this cycle, of a method that simulates the proxy. For the others it
   /// comes from physics (ProxyView::work_j).
   double world_work_j = 0.0;
+  /// In a cycle that takes an answer while something is touched, of a method that simulates what is touched: how far
+  /// the answer moves that, against what had been made of it, at the device.
+  std::optional<double> correction_m;
 };
 
 /// One method. One instance per loop; keeps its own history.

@@ -91,8 +91,8 @@ TEST(Report, HasEveryKeyOfItsSchema) {
   expect_keys(json["machine"], {"cpu", "cores", "kernel", "realtime"});
   const auto& haptic = json["haptic"][0];
   expect_keys(haptic, {"name", "device", "method", "clock", "rate_hz", "ticks", "ticks_due", "overruns", "scheduling",
-                       "wakeup_latency_us", "compute_us", "proxy_age_ms", "force_n", "force_error_n", "energy_j",
-                       "safety", "missed_by_observer"});
+                       "wakeup_latency_us", "compute_us", "proxy_age_ms", "correction_mm", "force_n", "force_error_n",
+                       "energy_j", "safety", "missed_by_observer"});
   expect_keys(haptic["wakeup_latency_us"], {"p50", "p99", "p999", "max"});
   expect_keys(haptic["compute_us"], {"p50", "p99", "max"});
   expect_keys(haptic["proxy_age_ms"], {"p50", "p99", "max"});
@@ -142,6 +142,21 @@ TEST(Report, SaysWhyThereIsNoForceError) {
   json = to_json(report);
   EXPECT_THAT(json["haptic"][0]["force_error_n"]["reason"].get<std::string>(), HasSubstr("never stale"));
   EXPECT_TRUE(json["haptic"][0]["proxy_age_ms"]["p50"].is_null());
+}
+
+TEST(Report, SaysByHowMuchAnswersMovedWhatWasTouched) {
+  RunReport report = make_report();
+  report.haptic[0].stats.corrections = 0;
+  EXPECT_TRUE(to_json(report)["haptic"][0]["correction_mm"].is_null());
+  EXPECT_THAT(to_text(report), testing::Not(HasSubstr("  correction ")));
+  report.haptic[0].stats.corrections = 40;
+  report.haptic[0].stats.correction_mean_mm = 0.012;
+  report.haptic[0].stats.correction_max_mm = 0.3;
+  const auto json = to_json(report)["haptic"][0]["correction_mm"];
+  EXPECT_EQ(json["mean"], 0.012);
+  EXPECT_EQ(json["max"], 0.3);
+  EXPECT_EQ(json["answers"], 40);
+  EXPECT_THAT(to_text(report), HasSubstr("correction    mean 0.012, max 0.3 mm in 40 answers while touching"));
 }
 
 TEST(Report, CarriesTheLinkOfAUsbDevice) {

@@ -77,6 +77,12 @@ Json restart_json(const RestartFigures& restart) {
           {"delay_s", number(restart.delay_s)}};
 }
 
+/// By how much answers moved what the hand touched; null where a method simulates nothing, or nothing was touched.
+Json correction(const rtbus::LoopStats& s) {
+  if (s.corrections == 0) return nullptr;
+  return {{"mean", number(s.correction_mean_mm)}, {"max", number(s.correction_max_mm)}, {"answers", s.corrections}};
+}
+
 Json haptic_json(const HapticFigures& haptic, double duration_s) {
   const rtbus::LoopStats& s = haptic.stats;
   const rtbus::NodeInfo& info = haptic.info;
@@ -102,6 +108,7 @@ Json haptic_json(const HapticFigures& haptic, double duration_s) {
       {"device_us",
        {{"p50", number(s.device_p50_us)}, {"p99", number(s.device_p99_us)}, {"max", number(s.device_max_us)}}},
       {"proxy_age_ms", proxy_age(haptic)},
+      {"correction_mm", correction(s)},
       {"force_n", {{"rms", number(s.force_rms_n)}, {"peak", number(s.force_peak_n)}}},
       {"force_error_n", force_error(haptic)},
       {"position_error_m", position_error(haptic)},

@@ -114,6 +114,11 @@ void add_haptic(std::string& out, const RunReport& report, const HapticFigures& 
   if (haptic.needs_physics) {
     line(out, "proxy age", percentiles(s.proxy_age_p50_ms, s.proxy_age_p99_ms, s.proxy_age_max_ms, "ms"));
   }
+  if (s.corrections > 0) {
+    line(out, "correction",
+         "mean " + figure(s.correction_mean_mm) + ", max " + figure(s.correction_max_mm) + " mm in " +
+             std::to_string(s.corrections) + " answers while touching");
+  }
   line(out, "force",
        "rms " + figure(s.force_rms_n) + ", peak " + figure(s.force_peak_n) + " N of " +
            figure(haptic.info.force_limit_n) + " N");

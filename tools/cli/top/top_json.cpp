@@ -36,6 +36,7 @@ Json stats_json(const rtbus::LoopStats& s) {
   json["compute_us"] = {{"p50", s.compute_p50_us}, {"p99", s.compute_p99_us}, {"max", s.compute_max_us}};
   json["device_us"] = {{"p50", s.device_p50_us}, {"p99", s.device_p99_us}, {"max", s.device_max_us}};
   json["proxy_age_ms"] = {{"p50", s.proxy_age_p50_ms}, {"p99", s.proxy_age_p99_ms}, {"max", s.proxy_age_max_ms}};
+  json["correction_mm"] = {{"mean", s.correction_mean_mm}, {"max", s.correction_max_mm}, {"answers", s.corrections}};
   json["energy_j"] = {{"absorbed", s.energy_absorbed_j}, {"injected", s.energy_removed_j}};
   json["safety"] = {{"clamped", s.clamped},
                     {"slew_limited", s.slew_limited},

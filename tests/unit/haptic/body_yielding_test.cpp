@@ -1,5 +1,5 @@
 /// Soft bodies in the world of local_contact: a patch behind a compliance, put right by answers.
-#include "haptic_node/rendering/local_soft.hpp"
+#include "haptic_node/rendering/body_yielding.hpp"
 #include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
@@ -11,11 +11,11 @@
 
 namespace {
 
-using haptic::LocalSoft;
 using haptic::LocalWorld;
+using haptic::YieldingBody;
 using rtbus::ProxyContacts;
 
-constexpr double kStepS = 1e-3, kStiffness = 300.0, kDamping = 0.5;
+constexpr double kTickS = 1e-3, kHandN_m = 300.0, kHandNs_m = 0.5;
 constexpr double kPhysicsS = 0.05;
 constexpr double kCompliance = 0.01;
 /// A soft body that fills x < 0 and has no rigid one beside it; its surface is `gap_m` before the proxy at `proxy_x_m`.
@@ -29,40 +29,40 @@ ProxyContacts soft(double proxy_x_m, double gap_m, std::uint64_t sample_ns, doub
   out.contact_normal[0] = {1, 0, 0};
   out.contact_gap_m[0] = gap_m;
   out.contact_compliance_m_per_n[0] = compliance;
-  out.body_kind[0] = LocalSoft::kSoftKind;
+  out.body_kind[0] = YieldingBody::kKind;
   out.body_index[0] = 7;
   out.body_inverse_mass_per_kg[0] = 500.0;
   return out;
 }
 
-struct LocalSoftTest : testing::Test {
+struct YieldingBodyTest : testing::Test {
   std::unique_ptr<LocalWorld> world = std::make_unique<LocalWorld>();
   std::uint64_t now_ns = 1000 * rtbus::kNsPerMs;
 
   double tick(double x_m, double velocity_m_s = 0.0) {
     now_ns += rtbus::kNsPerMs;
-    world->advance({{x_m, 0, 0}, {velocity_m_s, 0, 0}, kStiffness, kDamping}, now_ns, kStepS);
-    return world->impulse_n_s().x() / kStepS;
+    world->advance({{x_m, 0, 0}, {velocity_m_s, 0, 0}, kHandN_m, kHandNs_m}, now_ns, kTickS);
+    return world->impulse_n_s().x() / kTickS;
   }
 };
 
-TEST_F(LocalSoftTest, IsASpringInSeriesWithTheHands) {
+TEST_F(YieldingBodyTest, IsASpringInSeriesWithTheHands) {
   world->reset({0.002, 0, 0});
   world->take(soft(0.002, 0.002, now_ns), now_ns);
   double force_n = 0.0;
   for (int i = 0; i <= 100; ++i) force_n = tick(0.002 - 1e-4 * i, -0.1);
   for (int i = 0; i < 50; ++i) force_n = tick(-0.008);
-  const double series = 1.0 / (1.0 / kStiffness + LocalSoft::kSofter * kCompliance);
+  const double series = 1.0 / (1.0 / kHandN_m + haptic::Tuning{}.softer * kCompliance);
   EXPECT_NEAR(force_n, series * 0.008, 1e-3 * force_n);
-  ASSERT_EQ(world->pushes().size(), 1U);
-  EXPECT_EQ(world->pushes()[0].body, 7U);
-  EXPECT_NEAR(world->pushes()[0].impulse_n_s.x(), -force_n * kStepS, 1e-12);
+  ASSERT_EQ(world->hand_impulses().entries().size(), 1U);
+  EXPECT_EQ(world->hand_impulses().entries()[0].body, 7U);
+  EXPECT_NEAR(world->hand_impulses().entries()[0].impulse_n_s.x(), -force_n * kTickS, 1e-12);
   for (int i = 0; i < 100; ++i) force_n = tick(0.001);
   EXPECT_EQ(force_n, 0.0);
 }
 
 /// A body of physics that gives way by `truth` m/N, told of a period late; the hand holds still. The force at the end.
-double settle(LocalSoftTest& test, double truth, double told) {
+double settle(YieldingBodyTest& test, double truth, double told) {
   constexpr double kHand = -0.008;
   test.world->reset({0.0, 0, 0});
   double force_n = 0.0, proxy_m = 0.0, sampled_proxy_m = 0.0, sampled_force_n = 0.0;
@@ -82,14 +82,14 @@ double settle(LocalSoftTest& test, double truth, double told) {
   return force_n;
 }
 
-TEST_F(LocalSoftTest, AWrongComplianceIsPutRightByAnswers) {
+TEST_F(YieldingBodyTest, AWrongComplianceIsPutRightByAnswers) {
   for (const double told : {0.003, 0.01, 0.03}) {
-    const double due_n = 0.008 / (1.0 / kStiffness + 0.01);
+    const double due_n = 0.008 / (1.0 / kHandN_m + 0.01);
     EXPECT_NEAR(settle(*this, 0.01, told), due_n, 0.02 * due_n) << told;
   }
 }
 
-TEST_F(LocalSoftTest, AnAnswerThatAgreesChangesNoForceAndAnotherOneDoesNotJump) {
+TEST_F(YieldingBodyTest, AnAnswerThatAgreesChangesNoForceAndAnotherOneDoesNotJump) {
   world->reset({0.0, 0, 0});
   world->take(soft(0.0, 0.0, now_ns), now_ns);
   double before_n = 0.0;
@@ -111,7 +111,7 @@ TEST_F(LocalSoftTest, AnAnswerThatAgreesChangesNoForceAndAnotherOneDoesNotJump) 
   EXPECT_LT(largest_step_n, 0.25 * (force_n - before_n));
 }
 
-TEST_F(LocalSoftTest, MakesNoEnergyPressedAndReleased) {
+TEST_F(YieldingBodyTest, MakesNoEnergyPressedAndReleased) {
   world->reset({0.0, 0, 0});
   world->take(soft(0.0, 0.0, now_ns), now_ns);
   // Half a tick before and half a tick after it: what the hold of a tick gives is the loop's, and the passivity
@@ -120,14 +120,14 @@ TEST_F(LocalSoftTest, MakesNoEnergyPressedAndReleased) {
   double put_in_j = 0.0, most_j = 0.0;
   for (int i = 0; i < 400; ++i) {
     const double moved_m = 0.5 * (way_m(i + 1) - way_m(i - 1));
-    put_in_j -= tick(way_m(i), moved_m / kStepS) * moved_m;
+    put_in_j -= tick(way_m(i), moved_m / kTickS) * moved_m;
     most_j = std::max(most_j, put_in_j);
   }
   EXPECT_GT(most_j, 1e-4);
   EXPECT_GE(put_in_j, 0.0);
 }
 
-TEST_F(LocalSoftTest, ABodyThatIsGoneRecedes) {
+TEST_F(YieldingBodyTest, ABodyThatIsGoneRecedes) {
   world->reset({0.0, 0, 0});
   world->take(soft(0.0, 0.0, now_ns), now_ns);
   double force_n = 0.0;

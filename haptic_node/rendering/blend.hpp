@@ -1,0 +1,31 @@
+#pragma once
+/// @file blend.hpp
+/// How what an answer changes is brought in: not at once.
+#include <algorithm>
+#include <cmath>
+
+#include "haptic_node/rendering/tuning.hpp"
+
+namespace haptic {
+
+/// One body's blend: what is left of a difference after `seconds` is 1/e of it.
+struct Blend {
+  double seconds = 0.0;
+
+  /// What comes of an answer of a period of `step_s`.
+  [[nodiscard]] static Blend of(const Tuning& tuning, double step_s) noexcept {
+    return {std::max(tuning.blend_floor_s, tuning.blend_periods * step_s)};
+  }
+  /// What an answer moves in a pile is a prediction put right.
+  [[nodiscard]] static Blend of_pile(const Tuning& tuning, double step_s) noexcept {
+    return {std::max(tuning.blend_floor_s, tuning.slow_blend_periods * step_s)};
+  }
+  /// So it is with what rocks on an edge.
+  [[nodiscard]] static Blend of_rocking(const Tuning& tuning, double step_s) noexcept {
+    return {std::max(tuning.noise_s, tuning.slow_blend_periods * step_s)};
+  }
+  /// What is brought in within a step, as a share of what is left.
+  [[nodiscard]] double share(double h) const noexcept { return -std::expm1(-h / seconds); }
+};
+
+}  // namespace haptic

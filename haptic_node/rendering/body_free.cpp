@@ -1,0 +1,260 @@
+#include "haptic_node/rendering/body_free.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace haptic {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using rtbus::vector_of;
+
+/// So many points of a support make a patch, on which a body stands without tilting.
+constexpr std::uint32_t kPatchPoints = 3;
+/// Friction of a patch resists spin with its bound at this many radii of gyration: of a square plate its four corners
+/// are √3 as far from the middle.
+constexpr double kPatchRadius = std::numbers::sqrt3;
+
+Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
+  Matrix3d out;
+  out << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
+  return out;
+}
+
+/// Only balls have contacts with a curvature.
+bool is_ball(const ToldBody& told) noexcept {
+  const rtbus::ProxyContacts& answer = told.answer;
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+    if (answer.contact_body[i] == told.row) return answer.contact_curvature_per_m[i] > 0.0;
+  }
+  return false;
+}
+
+}  // namespace
+
+Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
+                           const SupportPool& old, BodyMotion& motion) noexcept {
+  const rtbus::ProxyContacts& answer = told.answer;
+  motion = told.motion();
+  inverse_mass_per_kg_ = answer.body_inverse_mass_per_kg[told.row];
+  inverse_inertia_per_kg_m2_ = matrix_of(answer.body_inverse_inertia_per_kg_m2[told.row]);
+  force_n_ = vector_of(answer.body_external_force_n[told.row]);
+  torque_n_m_ = vector_of(answer.body_external_torque_n_m[told.row]);
+  friction_bound_n_ = answer.body_friction_bound_n[told.row];
+  ball_ = is_ball(told);
+  supported_ = rocks_ = false;
+  softness_per_kg_ = since.tuning.support_softness * inverse_mass_per_kg_;
+  take_supports(told, since.tuning, motion, supports, old);
+  if (!told.complete) {
+    // Nothing would hold what holds it: it goes on as it went. As in a pile, a speed that the hand does not share is
+    // over by the time it is told.
+    inverse_mass_per_kg_ = 0.0;
+    force_n_.setZero();
+    torque_n_m_.setZero();
+    motion.slow_down(std::max(since.tuning.pile_own_speed_m_s, hand_m_s));
+  }
+  if (inverse_mass_per_kg_ > 0.0) {
+    if (supported_) {
+      stand_on(since.tuning, supports, motion);
+    } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
+      // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
+      --supports.spare;
+      Support& support = supports.rows[supports.count++];
+      support = Support{};
+      support.friction = 1.0;
+      support_count_ = 1;
+      inverse_inertia_per_kg_m2_.setZero();
+    }
+  }
+  return since.from_ns < since.now_ns ? resimulate(since, supports, motion) : Quaterniond::Identity();
+}
+
+/// Supports push back only as far as they are pushed against: their forces of then are taken out of the body's force.
+void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion,
+                             SupportPool& supports, const SupportPool& old) noexcept {
+  const rtbus::ProxyContacts& answer = told.answer;
+  const std::size_t old_first = first_support_, old_end = first_support_ + support_count_;
+  first_support_ = supports.count;
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, SupportPool::kSupports); ++i) {
+    if (answer.support_body[i] != told.row) continue;
+    Support& support = supports.rows[supports.count++];
+    support = Support{};
+    support.from_centre_m = vector_of(answer.support_point_m[i]) - vector_of(answer.body_centre_m[told.row]);
+    support.normal = vector_of(answer.support_normal[i]);
+    // What touches moves as one along the normal; a solver leaves a remainder.
+    support.velocity_m_s = vector_of(answer.support_velocity_m_s[i]);
+    const Vector3d own_m_s = motion.velocity_at(support.from_centre_m);
+    support.velocity_m_s += support.normal * support.normal.dot(own_m_s - support.velocity_m_s);
+    support.force_n = answer.support_force_n[i];
+    support.friction = answer.support_friction[i];
+    if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: stand_on()
+    force_n_ -= support.force_n * support.normal;
+    torque_n_m_ -= support.from_centre_m.cross(support.force_n * support.normal);
+    supported_ = true;
+    for (std::size_t j = old_first; j < old_end; ++j) {
+      if (old.rows[j].normal.dot(support.normal) < tuning.same_plane_cosine) continue;
+      support.impulse_n_s = old.rows[j].impulse_n_s;
+      support.torsion_n_m_s = old.rows[j].torsion_n_m_s;
+      break;
+    }
+  }
+  support_count_ = supports.count - first_support_;
+}
+
+/// A body that stands on a patch does not tilt: the patch pushes where it must.
+/// It may still spin about the normal.
+void FreeBody::stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept {
+  bool patch = false, more = false;
+  Vector3d normal = Vector3d::UnitY();
+  for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
+    const Support& support = supports.rows[i];
+    if (support.torsion_radius_m <= 0.0) continue;
+    if (patch && std::abs(normal.dot(support.normal)) < tuning.same_plane_cosine) more = true;
+    normal = support.normal;
+    patch = true;
+  }
+  rocks_ = !patch;
+  if (!patch) return;
+  double about_normal = 0.0;
+  if (!more) {
+    const Matrix3d inertia = inverse_inertia_per_kg_m2_.inverse();
+    if (inertia.allFinite()) about_normal = normal.dot(inertia * normal);
+  }
+  double radius_m = 0.0;
+  inverse_inertia_per_kg_m2_.setZero();
+  // What it was taken to tilt by is over, or it would roll on, and no friction would stop it.
+  motion.angular_velocity_rad_s =
+      more ? Vector3d(Vector3d::Zero()) : Vector3d(normal * normal.dot(motion.angular_velocity_rad_s));
+  if (about_normal > 0.0) {
+    inverse_inertia_per_kg_m2_ = normal * normal.transpose() / about_normal;
+    radius_m = kPatchRadius * std::sqrt(about_normal * inverse_mass_per_kg_);
+  }
+  for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
+    if (supports.rows[i].torsion_radius_m > 0.0) supports.rows[i].torsion_radius_m = radius_m;
+  }
+}
+
+Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept {
+  Impulse before = since.given_at(since.from_ns);
+  const double h = since.seconds() / since.parts;
+  const double tick_s = std::min(h, since.tick_s);
+  SolverContact* const rows = since.scratch;
+  std::size_t count = 0;
+  if (inverse_mass_per_kg_ > 0.0) {
+    for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
+      SolverContact& row = rows[count++];
+      row = row_of(supports.rows[i], h);
+      row.softness_per_kg *= tick_s / h;  // gives way as fast as it does tick by tick
+      row.impulse_n_s = supports.rows[i].force_n * h * supports.rows[i].normal;
+      row.torsion_n_m_s = 0.0;
+    }
+  }
+  SolverBody body = solver_body(motion);
+  prepare_contacts(&body, rows, count);
+  Quaterniond turned = Quaterniond::Identity();
+  for (int part = 1; part <= since.parts; ++part) {
+    const std::uint64_t until_ns = since.from_ns + (since.now_ns - since.from_ns) * static_cast<std::uint64_t>(part) /
+                                                       static_cast<std::uint64_t>(since.parts);
+    const Impulse after = since.given_at(until_ns);
+    SolverBody next = body;
+    next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
+    next.angular_velocity_rad_s +=
+        next.inverse_inertia_per_kg_m2 * (h * torque_n_m_ + after.angular_n_m_s - before.angular_n_m_s);
+    if (count > 0) relax_contacts(&next, rows, count, since.tuning.most_sweeps());
+    // Impulses came evenly over the part, each at the beginning of its tick.
+    const Vector3d faster_m_s = next.velocity_m_s - body.velocity_m_s;
+    motion.centre_m += h * (body.velocity_m_s + 0.5 * faster_m_s) + 0.5 * tick_s * faster_m_s;
+    turned = turn_of(0.5 * (body.angular_velocity_rad_s + next.angular_velocity_rad_s), h) * turned;
+    body.velocity_m_s = next.velocity_m_s;
+    body.angular_velocity_rad_s = next.angular_velocity_rad_s;
+    before = after;
+  }
+  motion.velocity_m_s = body.velocity_m_s;
+  motion.angular_velocity_rad_s = body.angular_velocity_rad_s;
+  turned.normalize();
+  if (turned.vec().isZero(0.0)) return turned;
+  const Matrix3d R = turned.toRotationMatrix();
+  inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
+  if (ball_) return turned;  // it rolls over what holds it: the support stays below the centre
+  for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
+    supports.rows[i].from_centre_m = turned * supports.rows[i].from_centre_m;
+  }
+  return turned;
+}
+
+SolverContact FreeBody::row_of(const Support& support, double h) const noexcept {
+  SolverContact row;
+  row.normal = support.normal;
+  row.from_a_m = support.from_centre_m;
+  row.surface_velocity_m_s = support.velocity_m_s;
+  row.friction = support.friction;
+  row.torsion_radius_m = support.torsion_radius_m;
+  row.softness_per_kg = softness_per_kg_;
+  row.expected_n_s = support.force_n * h;
+  row.impulse_n_s = support.impulse_n_s;
+  row.torsion_n_m_s = support.torsion_n_m_s;
+  if (!supported_) row.held_n_s = friction_bound_n_ * h;
+  return row;
+}
+
+bool FreeBody::join(const BodyMotion& motion, bool touched, int self, double h, SolverBody& out) noexcept {
+  self_ = SolverContact::kFixed;
+  if (inverse_mass_per_kg_ <= 0.0) return false;
+  const bool moving = !motion.velocity_m_s.isZero(1e-9) || !motion.angular_velocity_rad_s.isZero(1e-7);
+  const bool falls = !supported_ && !force_n_.isZero(0.0);
+  if (!touched && !moving && !falls) return false;
+  self_ = self;
+  out = solver_body(motion);
+  out.velocity_m_s += h * inverse_mass_per_kg_ * force_n_;
+  out.angular_velocity_rad_s += h * inverse_inertia_per_kg_m2_ * torque_n_m_;
+  return true;
+}
+
+void FreeBody::fill_row(const Vector3d& late_m_s, SolverContact& row) const noexcept {
+  row.b = self_;
+  if (self_ >= 0) row.surface_velocity_m_s = late_m_s;
+}
+
+std::size_t FreeBody::add_rows(SupportPool& supports, double h, SolverContact* rows, std::size_t first) noexcept {
+  first_row_ = first;
+  for (std::size_t i = 0; i < support_count_; ++i) {
+    Support& support = supports.rows[first_support_ + i];
+    if (self_ < 0) {
+      support.impulse_n_s.setZero();
+      support.torsion_n_m_s = 0.0;
+      continue;
+    }
+    rows[first + i] = row_of(support, h);
+    rows[first + i].a = self_;
+  }
+  return self_ < 0 ? 0 : support_count_;
+}
+
+void FreeBody::advance(const StepSolution& step, SupportPool& supports, BodyMotion& motion) noexcept {
+  if (self_ >= 0) {
+    motion.velocity_m_s = step.bodies[self_].velocity_m_s;
+    motion.angular_velocity_rad_s = step.bodies[self_].angular_velocity_rad_s;
+    for (std::size_t i = 0; i < support_count_; ++i) {
+      supports.rows[first_support_ + i].impulse_n_s = step.rows[first_row_ + i].impulse_n_s;
+      supports.rows[first_support_ + i].torsion_n_m_s = step.rows[first_row_ + i].torsion_n_m_s;
+    }
+  }
+  motion.centre_m += step.h * motion.velocity_m_s;
+}
+
+void FreeBody::correct(const Impulse& more, BodyMotion& motion) const noexcept {
+  if (self_ < 0) return;
+  motion.velocity_m_s += inverse_mass_per_kg_ * more.linear_n_s;
+  motion.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * more.angular_n_m_s;
+}
+
+void FreeBody::brake() noexcept {
+  if (supported_) return;  // what stands on something is held there by its weight
+  force_n_.setZero();
+  torque_n_m_.setZero();
+}
+
+}  // namespace haptic

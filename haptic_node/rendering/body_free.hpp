@@ -1,0 +1,76 @@
+#pragma once
+/// @file body_free.hpp
+/// A body that forces move, on supports that stand. Frame W, SI units.
+#include <cstddef>
+#include <cstdint>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "haptic_node/rendering/body_motion.hpp"
+#include "haptic_node/rendering/support.hpp"
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// Each support pushes back as far as the body is pushed against it. @realtime Yes.
+class FreeBody {
+ public:
+  /// Puts the body where the answer has it, and re-simulates it from there to now: under its forces, on its supports,
+  /// with the hand impulses since, as advance() would have moved it, in fewer and longer steps.
+  /// @param hand_m_s How fast the hand moves. @param supports Gets those of this body.
+  /// @param old The pool before this answer. @returns its turn from the answer's instant to now.
+  Eigen::Quaterniond take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
+                          const SupportPool& old, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
+
+  /// An answer does not name the body: it stands on nothing that is known.
+  void leave_supports() noexcept { support_count_ = 0; }
+
+  /// Takes part in a step as body number `self`, if it moves or is touched. @returns whether it does.
+  bool join(const BodyMotion& motion, bool touched, int self, double h, SolverBody& out) noexcept RTBUS_NONBLOCKING;
+
+  /// Completes the row of a contact with the proxy. @param late_m_s What the surface is felt to go beyond the body.
+  void fill_row(const Eigen::Vector3d& late_m_s, SolverContact& row) const noexcept RTBUS_NONBLOCKING;
+
+  /// Adds the rows of its supports from `rows[first]` on. @returns how many.
+  std::size_t add_rows(SupportPool& supports, double h, SolverContact* rows,
+                       std::size_t first) noexcept RTBUS_NONBLOCKING;
+
+  void advance(const StepSolution& step, SupportPool& supports, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
+
+  /// The hand felt `more` in this step than its contacts were solved with.
+  void correct(const Impulse& more, BodyMotion& motion) const noexcept RTBUS_NONBLOCKING;
+
+  /// Answers are late: what stands on nothing loses its forces.
+  void brake() noexcept RTBUS_NONBLOCKING;
+
+  /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
+  [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
+
+ private:
+  void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
+                     const SupportPool& old) noexcept;
+  void stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept;
+  Eigen::Quaterniond resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept;
+  [[nodiscard]] SolverContact row_of(const Support& support, double h) const noexcept;
+  [[nodiscard]] SolverBody solver_body(const BodyMotion& motion) const noexcept {
+    return {motion.velocity_m_s, motion.angular_velocity_rad_s, inverse_mass_per_kg_, inverse_inertia_per_kg_m2_};
+  }
+
+  double inverse_mass_per_kg_ = 0.0;
+  double softness_per_kg_ = 0.0;  ///< Of each support: two that face each other
+                                  ///< then never contradict each other.
+  Eigen::Matrix3d inverse_inertia_per_kg_m2_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();     ///< All but supports and the proxy.
+  Eigen::Vector3d torque_n_m_ = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
+  double friction_bound_n_ = 0.0;
+  bool ball_ = false;
+  bool supported_ = false;
+  bool rocks_ = false;                ///< Stands on no patch.
+  std::size_t first_support_ = 0;     ///< Its supports in the pool …
+  std::size_t support_count_ = 0;     ///< … are so many.
+  int self_ = SolverContact::kFixed;  ///< Its number in the step; kFixed: takes no part.
+  std::size_t first_row_ = 0;         ///< Of its supports in the step.
+};
+
+}  // namespace haptic

@@ -1,0 +1,90 @@
+#pragma once
+/// @file body_motion.hpp
+/// What the kinds of bodies of local_contact share: a body's motion, its row of an answer, and the time since. Frame W,
+/// SI units.
+#include <cstddef>
+#include <cstdint>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "haptic_node/rendering/contact_solver.hpp"
+#include "haptic_node/rendering/impulse_history.hpp"
+#include "haptic_node/rendering/tuning.hpp"
+#include "rtbus/clock.hpp"
+#include "rtbus/contact_messages.hpp"
+#include "rtbus/eigen.hpp"
+
+namespace haptic {
+
+/// The turn of what spins at `rate_rad_s` for `h` seconds.
+[[nodiscard]] inline Eigen::Quaterniond turn_of(const Eigen::Vector3d& rate_rad_s, double h) noexcept {
+  const double rate = rate_rad_s.norm();
+  if (rate * h <= 0.0) return Eigen::Quaterniond::Identity();
+  return Eigen::Quaterniond(Eigen::AngleAxisd(rate * h, rate_rad_s / rate));
+}
+
+/// Where a rigid body is, and how it moves.
+struct BodyMotion {
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
+
+  [[nodiscard]] Eigen::Vector3d velocity_at(const Eigen::Vector3d& from_centre_m) const noexcept {
+    return velocity_m_s + angular_velocity_rad_s.cross(from_centre_m);
+  }
+  void brake(double slower) noexcept {
+    velocity_m_s *= slower;
+    angular_velocity_rad_s *= slower;
+  }
+  /// No faster than `lasting_m_s`. What is slowed down does not spin.
+  void slow_down(double lasting_m_s) noexcept {
+    const double speed = velocity_m_s.norm();
+    if (speed <= lasting_m_s) return;
+    velocity_m_s *= lasting_m_s / speed;
+    angular_velocity_rad_s.setZero();
+  }
+};
+
+/// One body's row of an answer.
+struct ToldBody {
+  const rtbus::ProxyContacts& answer;
+  std::size_t row = 0;
+  bool complete = true;       ///< All supports of the body found a place in the answer.
+  std::size_t supports = 0;   ///< So many did.
+  double loosest_per_kg = 0;  ///< Largest inverse mass of what holds the body; 0: all that holds it stands.
+
+  [[nodiscard]] Eigen::Vector3d centre_m() const noexcept { return rtbus::vector_of(answer.body_centre_m[row]); }
+  [[nodiscard]] BodyMotion motion() const noexcept {
+    return {centre_m(), rtbus::vector_of(answer.body_velocity_m_s[row]),
+            rtbus::vector_of(answer.body_angular_velocity_rad_s[row])};
+  }
+};
+
+/// From the instant that an answer describes to now, and what the hand gave the body in that time.
+struct SinceAnswer {
+  std::uint64_t from_ns = 0;
+  std::uint64_t now_ns = 0;
+  int parts = 1;         ///< In which the re-simulation goes.
+  double tick_s = 1e-3;  ///< Period of the loop.
+  const ImpulseHistory& history;
+  const Impulse& sum;                ///< Of the hand impulses, now.
+  SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
+  const Tuning& tuning;
+
+  [[nodiscard]] double seconds() const noexcept {
+    return from_ns < now_ns ? rtbus::seconds_between(from_ns, now_ns) : 0.0;
+  }
+  /// Sum of the hand impulses at that time.
+  [[nodiscard]] Impulse given_at(std::uint64_t time_ns) const noexcept { return history.at(time_ns, sum); }
+};
+
+/// The end of one step, for the bodies.
+struct StepSolution {
+  const SolverBody* bodies = nullptr;
+  const SolverContact* rows = nullptr;
+  double h = 0.0;
+  Eigen::Vector3d pushed_n_s = Eigen::Vector3d::Zero();  ///< By the proxy, on the body.
+};
+
+}  // namespace haptic

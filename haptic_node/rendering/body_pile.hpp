@@ -1,0 +1,74 @@
+#pragma once
+/// @file body_pile.hpp
+/// A body of a pile, held by bodies that move themselves: how it moves when it is pushed, as far as two answers of
+/// physics can tell. Frame W, SI units.
+#include <algorithm>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "haptic_node/rendering/body_motion.hpp"
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// A pile gives way like something thick: as it went on the mean over the last period of physics under the mean push of
+/// that period, and faster by `mobility` for what the push is more than that. Cubes that are pushed through each other
+/// at full rate do so (docs/decisions/0008). What stands still under a push stays where it is when the push goes:
+/// against the push nothing comes faster than it came before. @realtime Yes.
+class PileBody {
+ public:
+  /// Where an answer had a body, and what the hand had given it until then.
+  struct Known {
+    std::uint64_t time_ns = 0;  ///< 0: no answer yet.
+    Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+    Eigen::Vector3d given_n_s = Eigen::Vector3d::Zero();
+  };
+
+  /// @param before Of the answer before. @param given_n_s Hand impulse until this answer's instant.
+  /// @param hand_m_s How fast the hand moves.
+  Eigen::Quaterniond take(const ToldBody& told, const SinceAnswer& since, const Known& before,
+                          const Eigen::Vector3d& given_n_s, double hand_m_s,
+                          BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
+
+  /// Told: it moved at `speed_m_s` under `push_n`, both means over the last period.
+  /// @param lasting_m_s Speeds beyond that are over by the time they are told.
+  void learn(const Eigen::Vector3d& push_n, const Eigen::Vector3d& speed_m_s,
+             double lasting_m_s) noexcept RTBUS_NONBLOCKING;
+
+  void set_mobility(double mobility_m_s_n) noexcept { mobility_m_s_n_ = mobility_m_s_n; }
+
+  /// Answers are late: it comes to rest, and gives way no more.
+  void brake(double slower) noexcept RTBUS_NONBLOCKING;
+
+  /// Completes the row of a contact with the proxy. @param hand_m_s Velocity of the hand.
+  void fill_row(const Eigen::Vector3d& hand_m_s, double h, SolverContact& row) const noexcept RTBUS_NONBLOCKING;
+
+  /// As its contacts took it to move when they were solved.
+  void advance(const StepSolution& step, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
+
+  /// The way in `seconds`, in which it was given `impulse_n_s`.
+  [[nodiscard]] Eigen::Vector3d way_m(const Eigen::Vector3d& impulse_n_s,
+                                      double seconds) const noexcept RTBUS_NONBLOCKING;
+
+  /// Its speed if nothing pushed and nothing held it: what a contact starts from.
+  [[nodiscard]] Eigen::Vector3d free_m_s() const noexcept RTBUS_NONBLOCKING {
+    return speed_m_s_ - mobility_m_s_n_ * push_n_;
+  }
+  /// It comes along `normal` no faster than this.
+  [[nodiscard]] double advance_m_s(const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
+    return std::max(0.0, normal.dot(speed_m_s_));
+  }
+  [[nodiscard]] double mobility_m_s_n() const noexcept { return mobility_m_s_n_; }
+  [[nodiscard]] const Eigen::Vector3d& speed_m_s() const noexcept { return speed_m_s_; }
+
+ private:
+  [[nodiscard]] Eigen::Vector3d surface_m_s(const Eigen::Vector3d& hand_m_s,
+                                            const Eigen::Vector3d& normal) const noexcept;
+
+  double mobility_m_s_n_ = 0.0;
+  Eigen::Vector3d push_n_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d speed_m_s_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace haptic

@@ -1,0 +1,46 @@
+#pragma once
+/// @file local_body.hpp
+/// A body near the proxy, as local_contact simulates it. Frame W, SI units.
+#include <cstddef>
+#include <cstdint>
+#include <variant>
+
+#include "haptic_node/rendering/blend.hpp"
+#include "haptic_node/rendering/body_driven.hpp"
+#include "haptic_node/rendering/body_fixed.hpp"
+#include "haptic_node/rendering/body_free.hpp"
+#include "haptic_node/rendering/body_motion.hpp"
+#include "haptic_node/rendering/body_pile.hpp"
+#include "haptic_node/rendering/body_yielding.hpp"
+
+namespace haptic {
+
+/// What all kinds have in common, and the kind. Each kind says what an answer changes (take), what it adds to a step
+/// (join, fill_row, add_rows) and where a step brings it (advance).
+struct LocalBody {
+  bool used = false;
+  bool named = false;       ///< By the answer that is being taken.
+  std::uint32_t index = 0;  ///< In the scene's order.
+  Blend blend;              ///< With which what an answer changes is brought in.
+  BodyMotion motion;        ///< Of a rigid one.
+  PileBody::Known known;    ///< By the last answer.
+  std::size_t place = 0;    ///< Among the hand impulses.
+  std::variant<FixedBody, DrivenBody, FreeBody, PileBody, YieldingBody> kind;
+
+  template <class Kind>
+  [[nodiscard]] Kind* as() noexcept {
+    return std::get_if<Kind>(&kind);
+  }
+  template <class Kind>
+  [[nodiscard]] const Kind* as() const noexcept {
+    return std::get_if<Kind>(&kind);
+  }
+  /// The body as that kind, which it becomes if it was another.
+  template <class Kind>
+  [[nodiscard]] Kind& become() noexcept {
+    if (auto* const same = as<Kind>()) return *same;
+    return kind.template emplace<Kind>();
+  }
+};
+
+}  // namespace haptic

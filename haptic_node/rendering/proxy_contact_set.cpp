@@ -1,0 +1,317 @@
+#include "haptic_node/rendering/proxy_contact_set.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "rtbus/eigen.hpp"
+
+namespace haptic {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using rtbus::vector_of;
+
+std::size_t contacts_of(const rtbus::ProxyContacts& answer) noexcept {
+  return std::min<std::size_t>(answer.contacts, rtbus::kContactSlots);
+}
+
+}  // namespace
+
+bool ProxyContactSet::any_of(std::size_t body) const noexcept {
+  const auto contacts = all();
+  return std::any_of(contacts.begin(), contacts.end(), [body](const Contact& contact) { return contact.body == body; });
+}
+
+void ProxyContactSet::drop(std::size_t body) noexcept {
+  for (std::size_t i = 0; i < count_;) {
+    if (contacts_[i].body == body)
+      contacts_[i] = contacts_[--count_];
+    else
+      ++i;
+  }
+}
+
+void ProxyContactSet::turn(std::size_t body, const Quaterniond& turned) noexcept {
+  for (std::size_t i = 0; i < count_; ++i) {
+    if (contacts_[i].body != body) continue;
+    contacts_[i].from_centre_m = turned * contacts_[i].from_centre_m;
+    contacts_[i].normal = turned * contacts_[i].normal;
+  }
+}
+
+double ProxyContactSet::gap_of(const Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept {
+  const Vector3d point = bodies[contact.body].motion.centre_m + contact.from_centre_m;
+  if (contact.radius_m <= 0.0) return contact.normal.dot(proxy.position_m - point) - proxy.radius_m;
+  return (proxy.position_m - point + contact.radius_m * contact.normal).norm() - contact.radius_m - proxy.radius_m;
+}
+
+/// On a ball the contact goes where the proxy goes.
+void ProxyContactSet::roll(Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept {
+  const Vector3d middle = contact.from_centre_m - contact.radius_m * contact.normal;
+  const Vector3d way = proxy.position_m - bodies[contact.body].motion.centre_m - middle;
+  if (way.squaredNorm() <= 1e-12) return;
+  contact.normal = way.normalized();
+  contact.from_centre_m = middle + contact.radius_m * contact.normal;
+}
+
+/// On a hull the contact is where the hull is nearest to the proxy. Inside of it, it stays the plane that it was.
+void ProxyContactSet::follow_hull(Contact& contact, Bodies bodies, const LocalProxy& proxy,
+                                  StaticShapes& shapes) noexcept {
+  Vector3d point_m;
+  if (!shapes.nearest_of_hull(contact.standing, proxy.position_m, point_m, contact.normal)) return;
+  contact.from_centre_m = point_m - bodies[contact.body].motion.centre_m;
+}
+
+/// The contacts of one surface, anew: where its distance to the proxy has a minimum.
+void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const LocalProxy& proxy, double h,
+                                     const StaticShapes& shapes) noexcept {
+  const StaticShapes::Named& named = shapes.named()[index];
+  const Vector3d& centre_m = bodies[named.body].motion.centre_m;
+  std::size_t old_count = 0, kept = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    if (contacts_[i].standing == static_cast<int>(index) && !contacts_[i].fades) {
+      old_[old_count++] = contacts_[i];
+    } else {
+      if (kept != i) contacts_[kept] = contacts_[i];
+      ++kept;
+    }
+  }
+  count_ = kept;
+  StaticShapes::Minima minima;
+  const double reach_m = proxy.radius_m + shapes.look_m(proxy.velocity_m_s.norm(), h);
+  const std::size_t found = shapes.minima(index, proxy.position_m, reach_m, minima);
+  std::array<bool, kContacts> matched{};
+  for (std::size_t m = 0; m < found && count_ < kContacts; ++m) {
+    Contact contact;
+    contact.body = named.body;
+    contact.standing = static_cast<int>(index);
+    contact.feature = minima[m].feature;
+    contact.friction = named.friction;
+    contact.from_centre_m = minima[m].point_m - centre_m;
+    const bool clear = minima[m].distance_m >= StaticShapes::kSurface_m;
+    if (clear) contact.normal = (proxy.position_m - centre_m - contact.from_centre_m) / minima[m].distance_m;
+    std::size_t best = old_count;
+    double best_cosine = tuning_.same_plane_cosine;
+    for (std::size_t j = 0; j < old_count; ++j) {
+      if (matched[j]) continue;
+      const bool same = old_[j].feature == contact.feature;
+      const double cosine = same ? 2.0 : old_[j].normal.dot(contact.normal);
+      if (cosine <= best_cosine) continue;
+      best = j;
+      best_cosine = cosine;
+    }
+    if (!clear) {
+      if (best == old_count) continue;
+      contact.normal = old_[best].normal;
+    }
+    if (best < old_count) {
+      matched[best] = true;
+      contact.offset_m = old_[best].offset_m;
+      contact.impulse_n_s = old_[best].impulse_n_s;
+    } else {
+      contact.offset_m = std::max(0.0, -gap_of(contact, bodies, proxy));  // what comes to be inside is let out slowly
+    }
+    contacts_[count_++] = contact;
+  }
+}
+
+/// @returns whether a contact of the answer with that row's body is on a surface, whose contacts each step finds.
+bool ProxyContactSet::name_surface(const TakenAnswer& taken, std::size_t row, double friction, const LocalProxy& proxy,
+                                   StaticShapes& shapes) noexcept {
+  const int index = shapes.index_of(taken.answer.body_index[row]);
+  if (index < 0 || !shapes.holds(proxy.radius_m) || !shapes.is_surface(index)) return false;
+  shapes.name(index, {true, taken.slot_of_row[row], friction});
+  return true;
+}
+
+/// @returns whether the answer has a contact with that row's body whose normal is about that one.
+bool ProxyContactSet::names(const TakenAnswer& taken, std::size_t row, const Vector3d& normal) const noexcept {
+  for (std::size_t i = 0; i < contacts_of(taken.answer); ++i) {
+    if (taken.answer.contact_body[i] != row) continue;
+    if (normal.dot(taken.turned[row] * vector_of(taken.answer.contact_normal[i])) > tuning_.same_contact_cosine)
+      return true;
+  }
+  return false;
+}
+
+/// @returns whether the proxy's centre is inside of the body of that contact, and the way out leads into another body.
+bool ProxyContactSet::blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m,
+                              const LocalProxy& proxy) const noexcept {
+  if (gap_m > -std::max(proxy.radius_m, tuning_.deep_m())) return false;
+  const Vector3d normal = vector_of(answer.contact_normal[contact]);
+  for (std::size_t i = 0; i < contacts_of(answer); ++i) {
+    if (answer.contact_body[i] == answer.contact_body[contact]) continue;
+    const Vector3d other = vector_of(answer.contact_normal[i]);
+    const Vector3d there_m = proxy.position_m - gap_m * normal;
+    const bool opposes = other.dot(normal) < -tuning_.same_contact_cosine;
+    if (opposes && other.dot(there_m - vector_of(answer.contact_point_m[i])) < proxy.radius_m) return true;
+  }
+  return false;
+}
+
+/// Deep inside of a body its nearest surface may be another one in each answer: a way out, once begun, is kept.
+/// @returns whether `contact` has become that one.
+bool ProxyContactSet::keep_way_out(const TakenAnswer& taken, std::size_t row, std::size_t old_count,
+                                   std::span<bool> matched, Bodies bodies, const LocalProxy& proxy,
+                                   Contact& contact) noexcept {
+  const double good_s = tuning_.way_out_s + tuning_.way_out_periods() * std::clamp(taken.answer.step_s, 0.0, 1.0);
+  const auto good_ns = static_cast<std::uint64_t>(good_s * 1e9);
+  for (std::size_t j = 0; j < old_count; ++j) {
+    const bool leads_out = !matched[j] && old_[j].body == contact.body && taken.now_ns <= old_[j].named_ns + good_ns &&
+                           old_[j].felt() && gap_of(old_[j], bodies, proxy) < 0.0 &&
+                           old_[j].normal.dot(contact.normal) < 0.0;
+    if (!leads_out || names(taken, row, old_[j].normal)) continue;
+    matched[j] = true;
+    contact = old_[j];
+    contact.offset_m = old_[j].gap_m - gap_of(contact, bodies, proxy);
+    contact.late_m_s.setZero();
+    contact.fades = false;
+    return true;
+  }
+  return false;
+}
+
+/// @returns the old contact that is this one; old_count: none.
+std::size_t ProxyContactSet::match(const Contact& contact, std::size_t old_count,
+                                   std::span<const bool> matched) const noexcept {
+  std::size_t best = old_count;
+  double best_cosine = tuning_.same_contact_cosine;
+  for (std::size_t j = 0; j < old_count; ++j) {
+    const double cosine = old_[j].normal.dot(contact.normal);
+    if (matched[j] || old_[j].body != contact.body || cosine <= best_cosine) continue;
+    best = j;
+    best_cosine = cosine;
+  }
+  return best;
+}
+
+void ProxyContactSet::remember(Bodies bodies, const LocalProxy& proxy) noexcept {
+  for (std::size_t i = 0; i < count_; ++i) {
+    Contact& contact = contacts_[i];
+    contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
+    contact.late_m_s += bodies[contact.body].motion.velocity_at(contact.from_centre_m);
+  }
+}
+
+std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bodies, const LocalProxy& proxy,
+                                            StaticShapes& shapes) noexcept {
+  const rtbus::ProxyContacts& answer = taken.answer;
+  const std::size_t old_count = count_;
+  std::copy_n(contacts_.begin(), old_count, old_.begin());
+  std::array<bool, kContacts> matched{};
+  count_ = 0;
+  shapes.forget_names();
+  std::optional<double> correction_m;
+  for (std::size_t i = 0; i < contacts_of(answer); ++i) {
+    const std::size_t row = answer.contact_body[i];
+    if (row >= taken.rigid_rows || name_surface(taken, row, answer.contact_friction[i], proxy, shapes)) continue;
+    Contact& contact = contacts_[count_++];
+    contact = Contact{};
+    contact.named_ns = taken.now_ns;
+    contact.body = taken.slot_of_row[row];
+    contact.from_centre_m =
+        taken.turned[row] * (vector_of(answer.contact_point_m[i]) - vector_of(answer.body_centre_m[row]));
+    contact.normal = taken.turned[row] * vector_of(answer.contact_normal[i]);
+    contact.friction = answer.contact_friction[i];
+    if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
+    contact.standing = shapes.index_of(answer.body_index[row]);
+    if (contact.standing >= 0) follow_hull(contact, bodies, proxy, shapes);
+    const double gap_m = gap_of(contact, bodies, proxy);
+    const std::size_t best = match(contact, old_count, matched);
+    if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
+      continue;
+    }
+    if (best == old_count && blocked(answer, i, gap_m, proxy)) {
+      --count_;
+      continue;
+    }
+    if (best < old_count) {
+      matched[best] = true;
+      contact.impulse_n_s = old_[best].impulse_n_s;
+    }
+    const LocalBody& body = bodies[contact.body];
+    if (contact.felt()) {
+      contact.offset_m = old_[best].gap_m - gap_m;
+      correction_m = std::max(correction_m.value_or(0.0), std::abs(contact.offset_m - old_[best].offset_m));
+      if (body.as<PileBody>() == nullptr) {
+        contact.late_m_s = old_[best].late_m_s - body.motion.velocity_at(contact.from_centre_m);
+        const double late = contact.late_m_s.norm();
+        if (late > tuning_.recovery_m_s) contact.late_m_s *= tuning_.recovery_m_s / late;
+      }
+    } else if (gap_m < 0.0) {
+      contact.offset_m = -gap_m;
+    }
+  }
+  for (std::size_t j = 0; j < old_count && count_ < kContacts; ++j) {
+    if (matched[j] || !old_[j].felt() || !bodies[old_[j].body].used) continue;
+    Contact& contact = contacts_[count_++];
+    contact = old_[j];
+    const bool found_anew =
+        !contact.fades && contact.standing >= 0 && shapes.named()[static_cast<std::size_t>(contact.standing)].named;
+    if (found_anew) {
+      correction_m = correction_m.value_or(0.0);
+      continue;
+    }
+    contact.offset_m += old_[j].gap_m - (gap_of(contact, bodies, proxy) + contact.offset_m);  // its body may have moved
+    contact.late_m_s.setZero();
+    contact.fades = true;
+  }
+  return correction_m;
+}
+
+void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    Contact& contact = contacts_[i];
+    if (contact.fades) {
+      // It recedes until it is felt no more.
+      if (!contact.felt()) continue;
+      contact.offset_m += tuning_.recovery_m_s * h;
+    } else if (contact.offset_m != 0.0 || !contact.late_m_s.isZero(0.0)) {
+      const double share = bodies[contact.body].blend.share(h);
+      contact.offset_m -= std::min(share * contact.offset_m, tuning_.recovery_m_s * h);
+      contact.late_m_s *= 1.0 - share;
+    }
+    if (kept != i) contacts_[kept] = contact;
+    ++kept;
+  }
+  count_ = kept;
+}
+
+std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, const Vector3d& free_m_s, double h,
+                                    StaticShapes& shapes, SolverContact* rows, std::span<bool> touched) noexcept {
+  for (std::size_t i = 0; shapes.any_named() && i < shapes.named().size(); ++i) {
+    if (shapes.named()[i].named) follow_surface(i, bodies, proxy, h, shapes);
+  }
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    Contact& contact = contacts_[i];
+    if (contact.radius_m > 0.0) roll(contact, bodies, proxy);
+    if (contact.standing >= 0 && !contact.fades) follow_hull(contact, bodies, proxy, shapes);
+    const Vector3d surface = bodies[contact.body].motion.velocity_at(contact.from_centre_m) + contact.late_m_s;
+    contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
+    const double way_m = -contact.normal.dot(free_m_s - surface) * h;
+    if (count == kSolved || contact.gap_m > way_m + tuning_.reach_m) {
+      contact.impulse_n_s.setZero();
+      continue;
+    }
+    touched[contact.body] = true;
+    SolverContact& row = rows[count];
+    row = SolverContact{};
+    row.normal = contact.normal;
+    row.from_b_m = contact.from_centre_m;
+    row.surface_velocity_m_s = surface;
+    row.closing_m_s = std::max(contact.gap_m / h, -tuning_.recovery_m_s);
+    row.friction = contact.friction;
+    row.impulse_n_s = contact.impulse_n_s;
+    row_source_[count++] = i;
+  }
+  return count;
+}
+
+void ProxyContactSet::advance(double h) noexcept {
+  for (std::size_t i = 0; i < count_; ++i) contacts_[i].offset_m -= h * contacts_[i].normal.dot(contacts_[i].late_m_s);
+}
+
+}  // namespace haptic

@@ -1,0 +1,32 @@
+#pragma once
+/// @file support.hpp
+/// What free bodies of local_contact stand on. Frame W, SI units.
+#include <array>
+#include <cstddef>
+
+#include <Eigen/Core>
+
+#include "rtbus/contact_messages.hpp"
+
+namespace haptic {
+
+struct Support {
+  Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+  double friction = 0.0;
+  double torsion_radius_m = 0.0;
+  double force_n = 0.0;  ///< Along the normal, as physics had it.
+  Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
+  double torsion_n_m_s = 0.0;
+};
+
+/// The supports of all free bodies, those of one body in a row.
+struct SupportPool {
+  static constexpr std::size_t kSupports = rtbus::kSupportSlots;
+  std::array<Support, kSupports> rows{};
+  std::size_t count = 0;
+  std::size_t spare = 0;  ///< Places that no support of the answer needs.
+};
+
+}  // namespace haptic

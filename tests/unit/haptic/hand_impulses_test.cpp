@@ -1,0 +1,116 @@
+/// What the hand has given to each body: one book for the re-simulation and for physics.
+#include "haptic_node/rendering/hand_impulses.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
+
+namespace {
+
+using Eigen::Vector3d;
+using haptic::HandImpulses;
+
+struct HandImpulsesTest : testing::Test {
+  std::unique_ptr<HandImpulses> impulses = std::make_unique<HandImpulses>();
+  std::uint64_t now_ns = 1000 * rtbus::kNsPerMs;
+
+  /// A step in which the body got `given` and the ladder let `felt` through.
+  void step(std::uint32_t body, const Vector3d& given, const Vector3d& felt, const Vector3d& arm = Vector3d::Zero()) {
+    impulses->begin(now_ns, now_ns + rtbus::kNsPerMs);
+    now_ns += rtbus::kNsPerMs;
+    if (!given.isZero(0.0)) impulses->give(impulses->hold(body), 0, given, arm);
+    impulses->settle(felt);
+  }
+  [[nodiscard]] rtbus::DeviceState told() const {
+    rtbus::DeviceState out;
+    impulses->tell(out);
+    return out;
+  }
+  /// Row of the body in what is told; −1: none.
+  [[nodiscard]] int row_of(std::uint32_t body) const {
+    const rtbus::DeviceState state = told();
+    for (std::size_t i = 0; i < rtbus::kHandImpulseRows; ++i) {
+      if (state.hand_impulse_generation[i] != 0 && state.hand_impulse_body[i] == body) return static_cast<int>(i);
+    }
+    return -1;
+  }
+  [[nodiscard]] Vector3d told_n_s(std::uint32_t body) const {
+    const int row = row_of(body);
+    return row < 0 ? Vector3d(Vector3d::Zero())
+                   : rtbus::vector_of(told().hand_impulse_n_s[static_cast<std::size_t>(row)]);
+  }
+};
+
+TEST_F(HandImpulsesTest, TellsWhatTheLadderLetThroughAndWhen) {
+  for (int i = 0; i < 10; ++i) step(7, {1e-3, 0, 0}, {5e-4, 0, 0}, {0, 0.1, 0});
+  EXPECT_NEAR(told_n_s(7).x(), 5e-3, 1e-15);
+  const auto row = static_cast<std::size_t>(row_of(7));
+  EXPECT_NEAR(told().hand_angular_impulse_n_m_s[row][2], -5e-4, 1e-15) << "arm × impulse";
+  // Sum of 0.5, 1.0, … 5.0 mN·s over 1 ms each.
+  EXPECT_NEAR(told().hand_impulse_integral_n_s2[row][0], 27.5e-6, 1e-15);
+}
+
+TEST_F(HandImpulsesTest, TheReplayReadsWhatIsTold) {
+  const std::size_t place = impulses->hold(7);
+  for (int i = 0; i < 10; ++i) step(7, {1e-3, 0, 0}, {5e-4, 0, 0});
+  const auto at = [&](double ms) {
+    const auto back_ns = static_cast<std::uint64_t>(ms * static_cast<double>(rtbus::kNsPerMs));
+    return impulses->history(place).at(now_ns - back_ns, impulses->sum(place)).linear_n_s.x();
+  };
+  EXPECT_NEAR(at(0.0), told_n_s(7).x(), 1e-15);
+  EXPECT_NEAR(at(4.5), 5.5 * 5e-4, 1e-15);
+}
+
+TEST_F(HandImpulsesTest, BodiesShareWhatTheLadderTakesAsTheyShareTheForce) {
+  impulses->begin(now_ns, now_ns + rtbus::kNsPerMs);
+  impulses->give(impulses->hold(1), 0, {3e-3, 0, 0}, Vector3d::Zero());
+  impulses->give(impulses->hold(2), 1, {0, 1e-3, 0}, Vector3d::Zero());
+  impulses->settle({2e-3, 1e-3, 0});
+  EXPECT_NEAR((told_n_s(1) - Vector3d(2.25e-3, 0, 0)).norm(), 0.0, 1e-15);
+  EXPECT_NEAR((told_n_s(2) - Vector3d(-0.25e-3, 1e-3, 0)).norm(), 0.0, 1e-15);
+  EXPECT_NEAR((told_n_s(1) + told_n_s(2) - Vector3d(2e-3, 1e-3, 0)).norm(), 0.0, 1e-15) << "the third law";
+}
+
+TEST_F(HandImpulsesTest, WhatComesAfterTheContactBelongsToTheBodyTouchedLast) {
+  step(1, {1e-3, 0, 0}, {1e-3, 0, 0});
+  step(2, {1e-3, 0, 0}, {1e-3, 0, 0});
+  step(2, Vector3d::Zero(), {4e-4, 0, 0});
+  EXPECT_NEAR(told_n_s(1).x(), 1e-3, 1e-15);
+  EXPECT_NEAR(told_n_s(2).x(), 1.4e-3, 1e-15);
+  const std::size_t place = impulses->hold(2);
+  EXPECT_NEAR(impulses->history(place).at(now_ns - rtbus::kNsPerMs, impulses->sum(place)).linear_n_s.x(), 1e-3, 1e-15);
+}
+
+TEST_F(HandImpulsesTest, ARowThatAnotherBodyTakesBeginsAtZeroInANewGeneration) {
+  for (std::uint32_t body = 0; body < rtbus::kHandImpulseRows; ++body) step(body, {1e-3, 0, 0}, {1e-3, 0, 0});
+  const int row = row_of(0);
+  ASSERT_GE(row, 0);
+  const std::uint32_t generation = told().hand_impulse_generation[static_cast<std::size_t>(row)];
+  step(50, {2e-3, 0, 0}, {2e-3, 0, 0});
+  EXPECT_EQ(row_of(0), -1) << "it was given nothing for the longest time";
+  EXPECT_EQ(row_of(50), row);
+  EXPECT_GT(told().hand_impulse_generation[static_cast<std::size_t>(row)], generation);
+  EXPECT_NEAR(told_n_s(50).x(), 2e-3, 1e-15);
+  step(0, {1e-3, 0, 0}, {1e-3, 0, 0});
+  EXPECT_NEAR(told_n_s(0).x(), 1e-3, 1e-15) << "what was told before is not told again";
+}
+
+TEST_F(HandImpulsesTest, APlaceIsKeptWhileItIsHeldOrTold) {
+  const std::size_t held = impulses->hold(1000);
+  step(1001, {1e-3, 0, 0}, {1e-3, 0, 0});
+  const std::size_t told = impulses->hold(1001);
+  impulses->release(told);
+  for (std::uint32_t body = 0; body < 200; ++body) {
+    const std::size_t place = impulses->hold(body);
+    ASSERT_LT(place, HandImpulses::kPlaces);
+    ASSERT_NE(place, held);
+    ASSERT_NE(place, told);
+    impulses->release(place);
+  }
+  EXPECT_NEAR(told_n_s(1001).x(), 1e-3, 1e-15);
+}
+
+}  // namespace
