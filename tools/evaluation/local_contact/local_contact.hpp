@@ -40,6 +40,8 @@ void claim_rough(const LocalContactOptions& options, Experiment& experiment, Run
 void claim_third_law(const LocalContactOptions& options, Experiment& experiment);
 /// h: edges, hulls and meshes are felt where they are.
 void claim_shapes(const LocalContactOptions& options, Experiment& experiment);
+/// i: two hands at one body feel each other.
+void claim_two_hands(const LocalContactOptions& options, Experiment& experiment);
 
 /// One run, every cycle of it. `--set` of the user comes last.
 [[nodiscard]] std::vector<rtbus::Telemetry> record_hand(const LocalContactOptions& options, const std::string& session,
