@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "haptic_node/loop.hpp"
 #include "haptic_node/pipe_link.hpp"
@@ -14,18 +15,24 @@
 
 namespace haptic {
 
-/// `<haptic>.device_state` out; `physics.proxy_state.<haptic>` and `physics.heartbeat` in, from whichever physics
-/// process is there. With `link: pipe` hand and proxy travel through the pipe; the topic of the hand goes on for
-/// observers, and the heartbeat stays on the bus: whether physics lives is not part of the comparison. send() and
-/// receive() belong to the loop's thread, maintain() to the housekeeping thread.
+/// `<haptic>.device_state` out, and those of the session's other hands in, where the method feels them;
+/// `physics.proxy_state.<haptic>` and `physics.heartbeat` in, from whichever physics process is there. With `link:
+/// pipe` hand and proxy travel through the pipe; the topic of the hand goes on for observers, and the heartbeat stays
+/// on the bus: whether physics lives is not part of the comparison. send() and receive() belong to the loop's thread,
+/// maintain() to the housekeeping thread.
 class BusLink final : public PhysicsLink {
  public:
   /// @param needs_physics False: the incoming topics are left out. @param needs_contacts False: so is that of the
   /// contacts.
-  /// @param wire Form of the link.
+  /// @param wire Form of the link. @param other_hands Whose states the loop reads as well.
   BusLink(rtbus::Publication<rtbus::DeviceState> device_state, const rtbus::Session& session, const std::string& node,
-          bool needs_physics, bool needs_contacts, const rtbus::config::LinkConfig& wire)
+          bool needs_physics, bool needs_contacts, const rtbus::config::LinkConfig& wire,
+          const std::vector<OtherHandConfig>& other_hands)
       : device_state_(std::move(device_state)) {
+    for (const OtherHandConfig& other : other_hands) {
+      other_hands_.push_back(
+          std::make_unique<rtbus::Subscription<rtbus::DeviceState>>(session, other.name + ".device_state"));
+    }
     if (!needs_physics) return;
     if (wire.pipe) {
       pipe_ = std::make_unique<PipeLink>(session, node, *wire.rate_hz);
@@ -49,6 +56,10 @@ class BusLink final : public PhysicsLink {
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept RTBUS_NONBLOCKING override {
     return contacts_ && contacts_->read_latest_rows(out) == rtbus::ReadStatus::kFresh;
   }
+  [[nodiscard]] bool receive(std::size_t other,
+                             rtbus::Stamped<rtbus::DeviceState>& out) noexcept RTBUS_NONBLOCKING override {
+    return other < other_hands_.size() && other_hands_[other]->read_latest(out) == rtbus::ReadStatus::kFresh;
+  }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
     return heartbeat_ && heartbeat_->read_latest(out) == rtbus::ReadStatus::kFresh;
   }
@@ -64,6 +75,7 @@ class BusLink final : public PhysicsLink {
     if (proxy_state_) proxy_state_->maintain();
     if (contacts_) contacts_->maintain();
     if (heartbeat_) heartbeat_->maintain();
+    for (const auto& other : other_hands_) other->maintain();
   }
 
   /// The work of `link: pipe`, for a thread of its own; null without it.
@@ -75,6 +87,7 @@ class BusLink final : public PhysicsLink {
   std::unique_ptr<rtbus::Subscription<rtbus::ProxyState>> proxy_state_;
   std::unique_ptr<rtbus::Subscription<rtbus::ProxyContacts>> contacts_;
   std::unique_ptr<rtbus::Subscription<rtbus::Heartbeat>> heartbeat_;
+  std::vector<std::unique_ptr<rtbus::Subscription<rtbus::DeviceState>>> other_hands_;
   std::unique_ptr<PipeLink> pipe_;
 };
 

@@ -17,8 +17,9 @@ using rtbus::vector_of;
 bool pressed(std::uint32_t buttons, int button) noexcept { return button >= 0 && ((buttons >> button) & 1u) != 0; }
 
 std::unique_ptr<Method> make_method(const HapticConfig& config, const Mapping& mapping) {
-  const MethodContext context{config.stiffness_n_per_m, config.damping_n_s_per_m, mapping,        config.shapes,
-                              config.wire.paper,        config.proxy.mass_kg,     config.standing};
+  const MethodContext context{
+      config.stiffness_n_per_m, config.damping_n_s_per_m, mapping,         config.shapes,
+      config.wire.paper,        config.proxy.mass_kg,     config.standing, config.other_hands.size()};
   return find_method(config.method)->make(context);
 }
 
@@ -44,6 +45,7 @@ Loop::Loop(const HapticConfig& config, drivers::Device& device, PhysicsLink& lin
       gains_(config.gains(), config.gain_limits),
       world_work_(config.safety.continuous_force_n, config.stiffness_n_per_m),
       force_timeout_ns_(static_cast<std::uint64_t>(device.info().force_timeout_s * 1e9)) {
+  for (const OtherHandConfig& other : config.other_hands) other_hands_.push_back({other.number, false, {}});
   const MethodEntry& method = *find_method(config.method);
   if (method.server_force != ServerForce::kNone) {
     state_.hand_stiffness_n_per_m = config.stiffness_n_per_m;
@@ -224,7 +226,15 @@ bool Loop::forces_enabled(bool device_ok, std::uint64_t now_ns) noexcept {
   return enabled;
 }
 
+void Loop::hear_other_hands() noexcept {
+  for (std::size_t i = 0; i < other_hands_.size(); ++i) {
+    OtherHand& other = other_hands_[i];
+    other.fresh = link_.receive(i, other.state);
+  }
+}
+
 RenderOutput Loop::render(std::uint64_t now_ns) noexcept {
+  hear_other_hands();
   RenderInput input;
   input.now_ns = now_ns;
   input.sample_time_ns = sample_.time_ns;
@@ -233,6 +243,7 @@ RenderOutput Loop::render(std::uint64_t now_ns) noexcept {
   input.velocity_m_s = velocity_.velocity_m_s();
   input.proxy = proxy_;
   if (contacts_are_new(now_ns)) input.contacts = &contacts_answer_.value;
+  input.other_hands = other_hands_;
   return method_->render(input);
 }
 

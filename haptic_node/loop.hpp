@@ -4,6 +4,7 @@
 /// the state. The realtime thread of the node and the simulated clock of the in-process harness run the same code.
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "drivers/device.hpp"
 #include "haptic_node/link_monitor.hpp"
@@ -34,6 +35,11 @@ class PhysicsLink {
   /// The contacts around the proxy; likewise. Only for a method that needs them. Rows beyond the counts are not to be
   /// read; without a new answer the content of `out` is undefined.
   [[nodiscard]] virtual bool receive(rtbus::Stamped<rtbus::ProxyContacts>& /*out*/) noexcept RTBUS_NONBLOCKING {
+    return false;
+  }
+  /// The newest state of another hand, `other` counted as in HapticConfig::other_hands; likewise.
+  [[nodiscard]] virtual bool receive(std::size_t /*other*/,
+                                     rtbus::Stamped<rtbus::DeviceState>& /*out*/) noexcept RTBUS_NONBLOCKING {
     return false;
   }
   /// The newest heartbeat; true when it is newer than the last one received.
@@ -99,6 +105,7 @@ class Loop {
   [[nodiscard]] bool forces_enabled(bool device_ok, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   void take_orders() noexcept RTBUS_NONBLOCKING;
   void take_answers(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
+  void hear_other_hands() noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] RenderOutput render(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] SafetyOutput make_safe(const RenderOutput& rendered, bool device_ok, bool enabled,
                                        std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
@@ -148,6 +155,7 @@ class Loop {
   rtbus::Stamped<rtbus::ProxyState> proxy_answer_;
   rtbus::Stamped<rtbus::Heartbeat> heartbeat_sample_;
   rtbus::Stamped<rtbus::ProxyContacts> contacts_answer_;
+  std::vector<OtherHand> other_hands_;
   drivers::DeviceSample sample_;
   bool device_ok_ = false;
   bool device_seen_ = false;   ///< It has delivered a sample.

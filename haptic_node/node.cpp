@@ -122,7 +122,7 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   if (!failed.empty()) return rtbus::Failure{NodeFault{failed}};
   node->topics_.reset(new Topics{
       .link = {std::move(*device_state), session, settings.name, find_method(settings.method)->needs_physics,
-               find_method(settings.method)->needs_contacts, settings.wire},
+               find_method(settings.method)->needs_contacts, settings.wire, settings.other_hands},
       .telemetry = std::move(*telemetry),
       .loop_stats = std::move(*loop_stats),
       .heartbeat = std::move(*heartbeat),

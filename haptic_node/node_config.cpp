@@ -139,9 +139,9 @@ void read_safety(Map& entry, HapticConfig& out) {
 }
 
 /// Without `method`: the most exact one that the session allows. The pipe carries no contacts, and what the paper does
-/// not have cannot be as the paper has it. Two hands that hold one body are springs to each other, which neither of
-/// their local worlds knows; a body that is very light beside the tip is thrown by the impulses of one step of physics;
-/// and soft ones give way twice as much in the loop as they do (decision 0008), which no rate of physics mends.
+/// not have cannot be as the paper has it. A body that is very light beside the tip is thrown by the impulses of one
+/// step of physics; and soft ones give way twice as much in the loop as they do (decision 0008), which no rate of
+/// physics mends.
 const char* default_method(const rtbus::config::SessionConfig& session, const rtbus::config::LinkConfig& wire,
                            double tip_mass_kg) {
   if (!session.physics) return "direct";
@@ -150,8 +150,7 @@ const char* default_method(const rtbus::config::SessionConfig& session, const rt
     return body.mass_kg > 0.0 && body.mass_kg < kLightestBody * tip_mass_kg;
   });
   const bool soft = !session.scene.soft_bodies.empty();
-  return wire.paper || wire.pipe || session.haptic.size() > 1 || light || soft ? "remote_virtual_coupling"
-                                                                               : "local_contact";
+  return wire.paper || wire.pipe || light || soft ? "remote_virtual_coupling" : "local_contact";
 }
 
 /// Keys of the link and of some methods, and what does not go together.
@@ -339,6 +338,11 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   read_clock(entry, out);
   read_mapping(entry, out);
   read_method(entry, session, out);
+  if (find_method(out.method)->needs_contacts) {
+    for (std::size_t i = 0; i < session.haptic.size(); ++i) {
+      if (i != index) out.other_hands.push_back({static_cast<std::uint32_t>(i), session.haptic[i].name});
+    }
+  }
   const double steps_per_s = session.physics ? rtbus::config::read_step_rate(*session.physics).steps_per_s() : 0.0;
   read_velocity(entry, steps_per_s, out);
   read_coupling(entry, steps_per_s, out);

@@ -1,6 +1,7 @@
 #pragma once
 /// @file node_config.hpp
 /// One entry of `haptic:` in a session file, checked. config/README.md lists every key.
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -22,6 +23,12 @@
 namespace haptic {
 
 enum class LoopClock : std::uint8_t { kTimer, kDevice };
+
+/// Another haptic node of the session.
+struct OtherHandConfig {
+  std::uint32_t number = 0;  ///< In the session's order.
+  std::string name;
+};
 
 struct HapticConfig {
   std::string name;  ///< "haptic0"
@@ -55,6 +62,7 @@ struct HapticConfig {
   std::unique_ptr<drivers::DeviceConfig> device;
   std::vector<rtbus::shapes::PlacedShape> shapes;      ///< Static analytic bodies of the scene.
   std::vector<rtbus::shapes::StandingShape> standing;  ///< Of the scene, for a method that knows shapes.
+  std::vector<OtherHandConfig> other_hands;            ///< For a method that feels them.
   bool telemetry_always = false;      ///< Not of the file: telemetry is published though nobody observes it.
   std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
 

@@ -142,6 +142,10 @@ double Stepper::contact_radius_m(std::size_t proxy) const {
 void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {
   world_->contacts(proxy, radius_m > 0.0 ? radius_m : contact_radius_m(proxy), contacts_);
   fill_message(contacts_, answer(proxy), out);
+  out.hands = static_cast<std::uint32_t>(std::min(links_.size(), rtbus::kHandSlots));
+  for (std::size_t i = 0; i < out.hands; ++i) {
+    out.hand_time_ns[i] = links_[i].owns_proxy ? links_[i].device_time_ns : 0;
+  }
 }
 
 void Stepper::contact_points(std::size_t proxy, rtbus::ContactPoints& out) {

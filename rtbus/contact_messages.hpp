@@ -11,6 +11,7 @@ using Symmetric3 = std::array<double, 6>;
 
 inline constexpr std::size_t kContactSlots = 16;
 inline constexpr std::size_t kSupportSlots = 32;
+inline constexpr std::size_t kHandSlots = 16;  ///< A session has no more haptic nodes.
 
 /// `physics.contacts.HAPTIC`, with every ProxyState while a method asks for it (DeviceState::wants) or the session
 /// says `physics.contacts: on`. Rows beyond the counts are
@@ -31,6 +32,12 @@ struct ProxyContacts {
   std::uint32_t supports = 0;           ///< … of the support_… arrays.
   std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that found no row, in this step.
   std::uint32_t supports_overflow = 0;
+  std::uint32_t hands = 0;  ///< Rows used of hand_time_ns: haptic nodes of the session.
+  std::uint32_t reserved = 0;
+
+  /// By haptic node, in the session's order: sample_time_ns of the DeviceState whose hand_impulse_… this step is the
+  /// last to contain. 0: none.
+  std::array<std::uint64_t, kHandSlots> hand_time_ns{};
 
   std::array<std::uint32_t, kContactSlots> contact_body{};              ///< Row of the body behind.
   std::array<Vec3, kContactSlots> contact_point_m{};                    ///< On the body.
@@ -49,7 +56,8 @@ struct ProxyContacts {
   std::array<Vec3, kContactSlots> body_angular_velocity_rad_s{};
   std::array<double, kContactSlots> body_inverse_mass_per_kg{};
   std::array<Symmetric3, kContactSlots> body_inverse_inertia_per_kg_m2{};
-  std::array<Vec3, kContactSlots> body_external_force_n{};  ///< Gravity and normal forces of its other contacts.
+  std::array<Vec3, kContactSlots> body_external_force_n{};  ///< Gravity and normal forces of its other contacts,
+                                                            ///< without hand_impulse_… of any hand.
   std::array<Vec3, kContactSlots> body_external_torque_n_m{};
   std::array<Vec3, kContactSlots> body_friction_force_n{};  ///< Friction of its other contacts.
   std::array<Vec3, kContactSlots> body_friction_torque_n_m{};
@@ -87,6 +95,9 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, supports, "1"),
                                       RTBUS_FIELD(T, contacts_overflow, "1"),
                                       RTBUS_FIELD(T, supports_overflow, "1"),
+                                      RTBUS_FIELD(T, hands, "1"),
+                                      RTBUS_FIELD(T, reserved, "1"),
+                                      RTBUS_FIELD(T, hand_time_ns, "ns"),
                                       RTBUS_FIELD(T, contact_body, "1"),
                                       RTBUS_FIELD(T, contact_point_m, "m"),
                                       RTBUS_FIELD(T, contact_normal, "1"),
@@ -118,12 +129,13 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, support_inverse_mass_per_kg, "1/kg"),
                                       RTBUS_FIELD(T, support_points, "1")};
   static constexpr std::array kTables{
+      RTBUS_TABLE(T, hands, hand_time_ns, hand_time_ns, kHandSlots),
       RTBUS_TABLE(T, contacts, contact_body, contact_inverse_mass_per_kg, kContactSlots),
       RTBUS_TABLE(T, bodies, body_index, body_proxy_force_n, kContactSlots),
       RTBUS_TABLE(T, supports, support_body, support_points, kSupportSlots)};
 };
 
-static_assert(sizeof(ProxyContacts) == 10176 && TabularSample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 10312 && TabularSample<ProxyContacts>);
 
 /// `physics.contact_points.HAPTIC`, at most 30 times a second and only while an observer is attached: where the proxy
 /// touches, or nearly so, whatever the method. The radius is that of Stepper::contact_radius_m(). Rows beyond the count

@@ -122,7 +122,12 @@ bool SampleTraits<ProxyState>::sane(const T& s, std::uint64_t stamp_ns) noexcept
 }
 
 bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexcept {
-  if (s.contacts > kContactSlots || s.bodies > kContactSlots || s.supports > kSupportSlots) return false;
+  if (s.contacts > kContactSlots || s.bodies > kContactSlots || s.supports > kSupportSlots || s.hands > kHandSlots) {
+    return false;
+  }
+  for (std::size_t i = 0; i < s.hands; ++i) {
+    if (!not_after(s.hand_time_ns[i], stamp_ns)) return false;
+  }
   const bool head = not_after(s.device_time_ns, stamp_ns) && all_counted(s.device_sequence, s.step_index) &&
                     within(s.step_s, kStep_s) && within(s.radius_m, kPosition_m) &&
                     within(s.proxy_position_m, kPosition_m) && within(s.proxy_velocity_m_s, kVelocity_m_s) &&

@@ -158,7 +158,8 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   for (int part = 1; part <= since.parts; ++part) {
     const std::uint64_t until_ns = since.from_ns + (since.now_ns - since.from_ns) * static_cast<std::uint64_t>(part) /
                                                        static_cast<std::uint64_t>(since.parts);
-    const Impulse after = since.given_at(until_ns);
+    Impulse after = since.given_at(until_ns);
+    after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
     SolverBody next = body;
     next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
     next.angular_velocity_rad_s +=
@@ -200,16 +201,17 @@ SolverContact FreeBody::row_of(const Support& support, double h) const noexcept 
   return row;
 }
 
-bool FreeBody::join(const BodyMotion& motion, bool touched, int self, double h, SolverBody& out) noexcept {
+bool FreeBody::join(const BodyMotion& motion, const Impulse& heard, bool touched, int self, double h,
+                    SolverBody& out) noexcept {
   self_ = SolverContact::kFixed;
   if (inverse_mass_per_kg_ <= 0.0) return false;
   const bool moving = !motion.velocity_m_s.isZero(1e-9) || !motion.angular_velocity_rad_s.isZero(1e-7);
   const bool falls = !supported_ && !force_n_.isZero(0.0);
-  if (!touched && !moving && !falls) return false;
+  if (!touched && !moving && !falls && heard.is_zero()) return false;
   self_ = self;
   out = solver_body(motion);
-  out.velocity_m_s += h * inverse_mass_per_kg_ * force_n_;
-  out.angular_velocity_rad_s += h * inverse_inertia_per_kg_m2_ * torque_n_m_;
+  out.velocity_m_s += inverse_mass_per_kg_ * (h * force_n_ + heard.linear_n_s);
+  out.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * (h * torque_n_m_ + heard.angular_n_m_s);
   return true;
 }
 

@@ -17,7 +17,7 @@ namespace haptic {
 class FreeBody {
  public:
   /// Puts the body where the answer has it, and re-simulates it from there to now: under its forces, on its supports,
-  /// with the hand impulses since, as advance() would have moved it, in fewer and longer steps.
+  /// with the impulses of all hands since, as advance() would have moved it, in fewer and longer steps.
   /// @param hand_m_s How fast the hand moves. @param supports Gets those of this body.
   /// @param old The pool before this answer. @returns its turn from the answer's instant to now.
   Eigen::Quaterniond take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
@@ -27,7 +27,9 @@ class FreeBody {
   void leave_supports() noexcept { support_count_ = 0; }
 
   /// Takes part in a step as body number `self`, if it moves or is touched. @returns whether it does.
-  bool join(const BodyMotion& motion, bool touched, int self, double h, SolverBody& out) noexcept RTBUS_NONBLOCKING;
+  /// @param heard By other hands in this step.
+  bool join(const BodyMotion& motion, const Impulse& heard, bool touched, int self, double h,
+            SolverBody& out) noexcept RTBUS_NONBLOCKING;
 
   /// Completes the row of a contact with the proxy. @param late_m_s What the surface is felt to go beyond the body.
   void fill_row(const Eigen::Vector3d& late_m_s, SolverContact& row) const noexcept RTBUS_NONBLOCKING;

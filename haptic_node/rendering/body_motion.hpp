@@ -10,6 +10,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/impulse_history.hpp"
+#include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/contact_messages.hpp"
@@ -69,6 +70,7 @@ struct SinceAnswer {
   double tick_s = 1e-3;  ///< Period of the loop.
   const ImpulseHistory& history;
   const Impulse& sum;                ///< Of the hand impulses, now.
+  OtherHands::Since others;          ///< What other hands gave it.
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
   const Tuning& tuning;
 

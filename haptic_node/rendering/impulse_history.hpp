@@ -24,6 +24,12 @@ struct Impulse {
   [[nodiscard]] Impulse operator-(const Impulse& other) const noexcept {
     return {linear_n_s - other.linear_n_s, angular_n_m_s - other.angular_n_m_s};
   }
+  /// On a body that moves so.
+  [[nodiscard]] double work_j(const Eigen::Vector3d& velocity_m_s,
+                              const Eigen::Vector3d& angular_velocity_rad_s) const noexcept {
+    return linear_n_s.dot(velocity_m_s) + angular_n_m_s.dot(angular_velocity_rad_s);
+  }
+  [[nodiscard]] bool is_zero() const noexcept { return linear_n_s.isZero(0.0) && angular_n_m_s.isZero(0.0); }
 };
 
 /// A ring of the steps in which something was given; in between the sum stands still. One thread. @realtime everything.

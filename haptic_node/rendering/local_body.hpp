@@ -25,6 +25,7 @@ struct LocalBody {
   BodyMotion motion;        ///< Of a rigid one.
   PileBody::Known known;    ///< By the last answer.
   std::size_t place = 0;    ///< Among the hand impulses.
+  Impulse heard;            ///< By other hands, in the running step.
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody, YieldingBody> kind;
 
   template <class Kind>

@@ -20,6 +20,7 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
   RenderOutput out;
   out.proxy_position_m = input.position_m;
   step_s_ = 0.0;
+  if (!input.other_hands.empty()) world_.hear(input.other_hands, input.sample_time_ns);
   if (!input.proxy.valid) placed_ = false;
   if (!placed_) {
     world_.reset(tip_W);

@@ -43,11 +43,22 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   good_until_ns_ = 0;
 }
 
+/// A body of a pile, which no single impulse moves, feels other hands through physics alone.
+void LocalWorld::hear(std::span<const OtherHand> hands, std::uint64_t sample_ns) noexcept {
+  for (LocalBody& body : bodies_) body.heard = Impulse{};
+  other_hands_.hear(hands, sample_ns, [this](std::uint32_t index, const Impulse& more) {
+    for (LocalBody& body : bodies_) {
+      if (body.used && body.index == index) body.heard += more;
+    }
+  });
+}
+
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   good_until_ns_ =
       now_ns + static_cast<std::uint64_t>((tuning_.good_periods * answer.step_s + tuning_.good_besides_s) * 1e9);
   const double history_ns = tuning_.history_periods() * answer.step_s * 1e9;
   impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
+  other_hands_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
   correction_m_.reset();
@@ -57,7 +68,8 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   const std::size_t rigid = rigid_rows_of(answer);
   std::array<std::size_t, rtbus::kContactSlots> slot_of_row{};
   std::array<Quaterniond, rtbus::kContactSlots> turned;
-  take_rigid(answer, rigid, now_ns, slot_of_row, turned);
+  // The local world is at its last sample: the step to the one of `now_ns` comes after this.
+  take_rigid(answer, rigid, std::min(now_ns, now_ns_), slot_of_row, turned);
   take_yielding(answer, rigid);
   for (LocalBody& body : bodies_) {
     if (auto* const free = body.as<FreeBody>(); free != nullptr && !body.named) free->leave_supports();
@@ -150,8 +162,15 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     body.place = impulses_.hold(body.index);
   }
   body.used = body.named = true;
-  const SinceAnswer since{answer.device_time_ns,     now_ns,       parts,  tick_s_, impulses_.history(body.place),
-                          impulses_.sum(body.place), rows_.data(), tuning_};
+  const SinceAnswer since{answer.device_time_ns,
+                          now_ns,
+                          parts,
+                          tick_s_,
+                          impulses_.history(body.place),
+                          impulses_.sum(body.place),
+                          {other_hands_, answer, body.index},
+                          rows_.data(),
+                          tuning_};
   const Impulse then = since.given_at(since.from_ns);
   body.blend = Blend::of(tuning_, answer.step_s);
   Quaterniond turned = Quaterniond::Identity();
@@ -259,8 +278,8 @@ std::size_t LocalWorld::gather(double h) noexcept {
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     auto* const free = bodies_[slot].as<FreeBody>();
     if (free == nullptr || !bodies_[slot].used) continue;
-    const bool joins =
-        free->join(bodies_[slot].motion, touched[slot], next, h, solver_bodies_[static_cast<std::size_t>(next)]);
+    const bool joins = free->join(bodies_[slot].motion, bodies_[slot].heard, touched[slot], next, h,
+                                  solver_bodies_[static_cast<std::size_t>(next)]);
     next += joins ? 1 : 0;
   }
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
@@ -325,7 +344,10 @@ void LocalWorld::move_bodies(double h) noexcept {
     LocalBody& body = bodies_[slot];
     if (!body.used) continue;
     if (auto* const driven = body.as<DrivenBody>()) driven->advance(step, body.motion);
-    if (auto* const free = body.as<FreeBody>()) free->advance(step, supports_, body.motion);
+    if (auto* const free = body.as<FreeBody>()) {
+      free->advance(step, supports_, body.motion);
+      work_j_ += body.heard.work_j(body.motion.velocity_m_s, body.motion.angular_velocity_rad_s);
+    }
     if (auto* const yields = body.as<YieldingBody>()) yields->advance(step, springs_);
     if (auto* const pile = body.as<PileBody>()) {
       step.pushed_n_s.setZero();

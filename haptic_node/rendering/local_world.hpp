@@ -16,6 +16,7 @@
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/hand_impulses.hpp"
 #include "haptic_node/rendering/local_body.hpp"
+#include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
 #include "haptic_node/rendering/static_shapes.hpp"
 #include "haptic_node/rendering/tuning.hpp"
@@ -50,11 +51,16 @@ class LocalWorld {
   static constexpr std::size_t kBodies = rtbus::kContactSlots + 4;
   /// @param standing Static bodies whose shape is known: their contacts follow it in each step, whatever plane an
   /// answer told. They stay as long as this object.
-  explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {}, const Tuning& tuning = {})
-      : tuning_(tuning), shapes_(std::move(standing), tuning), contacts_(tuning) {}
+  /// @param other_hands Hands besides this one that may push the same bodies.
+  explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {}, std::size_t other_hands = 0,
+                      const Tuning& tuning = {})
+      : tuning_(tuning), shapes_(std::move(standing), tuning), contacts_(tuning), other_hands_(other_hands) {}
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
+
+  /// What the other hands have done by now. Before take() and advance() of the tick.
+  void hear(std::span<const OtherHand> hands, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
 
   /// An answer has come.
   void take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
@@ -66,7 +72,8 @@ class LocalWorld {
   [[nodiscard]] const Eigen::Vector3d& velocity_m_s() const noexcept { return proxy_.velocity_m_s; }
   /// Of all contacts on the proxy in the last step.
   [[nodiscard]] const Eigen::Vector3d& impulse_n_s() const noexcept { return impulse_n_s_; }
-  /// What kinematic bodies, which move whatever pushes, put into the proxy in the last step [J]; negative: took.
+  /// What kinematic bodies, which move whatever pushes, put into the proxy in the last step, and other hands into free
+  /// bodies [J]; negative: took.
   [[nodiscard]] double work_j() const noexcept { return work_j_; }
 
   /// How far the last answer moved what the proxy touched, against what had been made of it; none: it touched nothing.
@@ -118,6 +125,7 @@ class LocalWorld {
   std::size_t solved_contacts_ = 0;
 
   HandImpulses impulses_;
+  OtherHands other_hands_;
 };
 
 }  // namespace haptic

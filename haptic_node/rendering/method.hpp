@@ -4,12 +4,14 @@
 /// folder.
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string_view>
 
 #include <Eigen/Core>
 
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
+#include "rtbus/sample.hpp"
 
 namespace haptic {
 
@@ -28,6 +30,13 @@ struct ProxyView {
       Eigen::Vector3d::Zero();  ///< On the hand, computed by physics; zero unless the method asks for it.
 };
 
+/// Another hand of the session.
+struct OtherHand {
+  std::uint32_t number = 0;                  ///< In the session's order.
+  bool fresh = false;                        ///< True in the first cycle that sees this state.
+  rtbus::Stamped<rtbus::DeviceState> state;  ///< Its newest.
+};
+
 /// Input of a method, every tick.
 struct RenderInput {
   std::uint64_t now_ns = 0;
@@ -38,6 +47,7 @@ struct RenderInput {
   ProxyView proxy;
   /// Set in the cycle that sees them first, and only for a method that asks for them (registry.hpp); in W.
   const rtbus::ProxyContacts* contacts = nullptr;
+  std::span<const OtherHand> other_hands;  ///< Likewise: for a method that asks for contacts.
 };
 
 /// Output of a method.
@@ -45,8 +55,8 @@ struct RenderOutput {
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();           ///< On the hand, in D, before any safety.
   Eigen::Vector3d proxy_position_m = Eigen::Vector3d::Zero();  ///< The proxy that the method uses, in D.
   Eigen::Vector3d proxy_velocity_m_s = Eigen::Vector3d::Zero();
-  /// Work of kinematic bodies on the coupling in this cycle, of a method that simulates the proxy. For the others it
-  /// comes from physics (ProxyView::work_j).
+  /// Work of kinematic bodies on the coupling in this cycle, and of other hands, of a method that simulates the proxy.
+  /// For the others it comes from physics (ProxyView::work_j).
   double world_work_j = 0.0;
   /// In a cycle that takes an answer while something is touched, of a method that simulates what is touched: how far
   /// the answer moves that, against what had been made of it, at the device.

@@ -23,6 +23,7 @@ struct MethodContext {
   bool paper = false;                              ///< `form: paper`.
   double proxy_mass_kg = 0.1;                      ///< In the world, for a method that simulates the proxy itself.
   std::vector<rtbus::shapes::StandingShape> standing{};  ///< Static boxes, hulls and meshes of the scene, in W.
+  std::size_t other_hands = 0;                           ///< Haptic nodes of the session besides this one.
 };
 
 /// The force that physics computes for a method, if any.

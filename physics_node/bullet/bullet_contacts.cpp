@@ -126,14 +126,9 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
     out.supports.resize(kMaxSupports);
   }
   for (const Push& push : pushed_) {
+    if (proxies_[push.proxy].get() != &proxy) continue;  // the hands tell each other
     for (BodyBehind& behind : out.bodies) {
-      if (behind.body != push.body || behind.kind != BodyKind::kDynamic) continue;
-      if (proxies_[push.proxy].get() == &proxy) {
-        behind.proxy_force_n += push.force_n;
-      } else {
-        behind.external_force_n += push.force_n;
-        behind.external_torque_n_m += push.torque_n_m;
-      }
+      if (behind.body == push.body && behind.kind == BodyKind::kDynamic) behind.proxy_force_n += push.force_n;
     }
   }
   for (BodyBehind& behind : out.bodies) {

@@ -41,6 +41,8 @@ struct BodyBehind {
   double inverse_mass_per_kg = 0.0;                                     ///< 0: no force moves it.
   Eigen::Matrix3d inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Zero();  ///< In W, about the centre of mass.
   /// Gravity and the normal forces of all its other contacts, those with other proxies included; 0 while it sleeps.
+  /// Without World::apply_hand_force() of any proxy: methods that push so tell each other
+  /// (ProxyContacts::hand_time_ns).
   Eigen::Vector3d external_force_n = Eigen::Vector3d::Zero();
   Eigen::Vector3d external_torque_n_m = Eigen::Vector3d::Zero();  ///< Of the same, about the centre of mass.
   /// Friction of its other contacts, separate because it changes with the push: a simulation of the body computes it

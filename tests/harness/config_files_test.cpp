@@ -189,7 +189,7 @@ TEST(HapticConfig, ChoosesTheMethodThatTheSessionAllows) {
   EXPECT_EQ(chosen("wall.yaml", {"haptic.0.form=paper"}), "remote_virtual_coupling");
   EXPECT_EQ(chosen("wall.yaml", {"haptic.0.link=pipe", "haptic.0.link_rate_hz=50", "physics.step_on=packet"}),
             "remote_virtual_coupling");
-  EXPECT_EQ(chosen("two_hands.yaml", {}), "remote_virtual_coupling") << "each would have to know the other's spring";
+  EXPECT_EQ(chosen("two_hands.yaml", {}), "local_contact") << "each knows what the other does";
   EXPECT_EQ(chosen("beads_mm.yaml", {}), "remote_virtual_coupling") << "10 mg before a tip of 10 g";
   EXPECT_EQ(chosen("beads_mm.yaml", {"scene.bodies.5.mass_kg=0.001"}), "local_contact");
 }

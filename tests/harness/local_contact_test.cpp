@@ -8,8 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/temporary_file.hpp"
 #include "tools/cli/still/still_frame.hpp"
 #include "tools/evaluation/drop/fall.hpp"
+#include "tools/evaluation/local_contact/two_hands.hpp"
 #include "tools/evaluation/shared/force_profile.hpp"
 #include "tools/evaluation/work_precision/work_precision.hpp"
 #include "tools/harness/harness.hpp"
@@ -275,22 +277,47 @@ TEST(LocalContact, FeelsAPlateThatMovesByItselfInFull) {
   }
 }
 
-// Each hand's local world knows of the other what it did in the last step, its torque too: without that the block tips
-// out of their grip.
-TEST(LocalContact, TwoHandsLiftABlock) {
-  Harness harness = harness_of("two_hands.yaml", {"haptic.0.method=local_contact", "haptic.1.method=local_contact"});
-  harness.run_all(6.0, [](std::size_t, const Telemetry&) {});
-  double squeeze_n = 0.0, weight_n[2] = {};
-  std::size_t ticks = 0;
-  harness.run_all(0.5, [&](std::size_t hand, const Telemetry& tick) {
-    EXPECT_GT(std::abs(tick.force_n[0]), 1.0) << "holds it";
-    if (hand == 0) squeeze_n = -tick.force_n[0], ++ticks;
-    weight_n[hand] -= tick.force_n[1];
-  });
-  const double n = static_cast<double>(ticks);
-  EXPECT_NEAR((weight_n[0] + weight_n[1]) / n, 0.98, 0.05) << "the hands share its weight";
-  EXPECT_GT(std::min(weight_n[0], weight_n[1]) / n, 0.3);
-  EXPECT_NEAR(squeeze_n, 1.45, 0.2);
+// Two hands at one body are springs to each other, and feel each other in each tick.
+TEST(LocalContact, TwoHandsCarryABlockAsInTheConvergedLoop) {
+  const tests::TemporaryFolder folder;
+  tools::TwoHandsSetup setup;
+  setup.config_folder = std::string(RTBUS_SOURCE_DIR) + "/config";
+  setup.folder = folder.path();
+  setup.assignments = tools::converged_carry();
+  const tools::TwoHandsRun truth = tools::carry_block(setup);
+  for (const double physics_hz : {100.0, 43.0, 18.0}) {
+    setup.assignments = tools::late_carry("local_contact", physics_hz);
+    const tools::TwoHandsRun felt = tools::carry_block(setup);
+    for (const std::size_t hand : {0U, 1U}) {
+      const auto error = tools::carry_error(felt, truth, hand, tools::TwoHandsRun::kCarried_s, setup.duration_s);
+      std::printf("two hands, hand %zu, %g Hz: RMS %.4f N, peak %.4f N\n", hand, physics_hz, error.rms_n, error.peak_n);
+      EXPECT_LE(error.rms_n, 0.02) << physics_hz << " Hz, hand " << hand;
+    }
+    for (std::size_t i = 0; i < felt.time_s.size(); ++i) {
+      if (felt.time_s[i] < tools::TwoHandsRun::kCarried_s) continue;
+      ASSERT_GT(felt.height_m[i], 0.03) << "dropped after " << felt.time_s[i] << " s at " << physics_hz << " Hz";
+    }
+  }
+}
+
+TEST(LocalContact, TheOtherHandFeelsWithinAPeriodThatOneIsKilled) {
+  const tests::TemporaryFolder folder;
+  tools::TwoHandsSetup setup;
+  setup.config_folder = std::string(RTBUS_SOURCE_DIR) + "/config";
+  setup.folder = folder.path();
+  setup.kill_s = 8.0;
+  setup.duration_s = 8.1;  // then the block lies somewhere else
+  setup.assignments = tools::converged_carry();
+  const tools::TwoHandsRun truth = tools::carry_block(setup);
+  EXPECT_GT(truth.force_n[1][7900].norm(), 1.0);
+  EXPECT_EQ(truth.force_n[1].back().norm(), 0.0) << "nothing holds against it";
+  for (const double physics_hz : {100.0, 43.0, 18.0}) {
+    setup.assignments = tools::late_carry("local_contact", physics_hz);
+    const tools::TwoHandsRun felt = tools::carry_block(setup);
+    const auto error = tools::carry_error(felt, truth, 1, setup.kill_s + 1.0 / physics_hz, setup.duration_s);
+    std::printf("killed, %g Hz: RMS %.4f N, peak %.4f N\n", physics_hz, error.rms_n, error.peak_n);
+    EXPECT_LE(error.rms_n, 0.02) << physics_hz << " Hz";
+  }
 }
 
 // Physics is told where the method has the proxy, not where the hand is. A picture shows both.

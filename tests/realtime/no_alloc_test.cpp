@@ -157,7 +157,7 @@ class Hand {
         telemetry_(*rtbus::Publication<rtbus::Telemetry>::create(session.session, config_.name + ".telemetry")),
         link_(*rtbus::Publication<rtbus::DeviceState>::create(session.session, config_.name + ".device_state"),
               session.session, config_.name, needs_physics(), haptic::find_method(config_.method)->needs_contacts,
-              config_.wire),
+              config_.wire, config_.other_hands),
         loop_(config_, *device_, link_, true) {}
   ~Hand() { device_->stop(); }
 

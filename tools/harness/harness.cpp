@@ -89,6 +89,11 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     hands_.back()->link.random = Random(options.link_seed + i);
     needs_physics = needs_physics || haptic::find_method(hands_.back()->config.method)->needs_physics;
   }
+  for (const auto& hand : hands_) {
+    for (const haptic::OtherHandConfig& other : hand->config.other_hands) {
+      hand->link.other_hands.push_back(&hands_[other.number]->link);
+    }
+  }
   if (session.physics && needs_physics) {
     physics::NodeConfig physics = physics::read_node_config(session);
     physics_ = physics.physics;

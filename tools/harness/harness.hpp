@@ -120,10 +120,15 @@ class Harness {
     bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept override {
       return std::exchange(contacts_fresh, false) && (out = contacts, true);
     }
+    bool receive(std::size_t other, rtbus::Stamped<rtbus::DeviceState>& out) noexcept override {
+      const rtbus::Stamped<rtbus::DeviceState>& newest = other_hands[other]->device;
+      return newest.sequence > out.sequence && (out = newest, true);
+    }
     bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept override {
       return std::exchange(beat_fresh, false) && (out = beat, true);
     }
     [[nodiscard]] std::uint64_t refused() const noexcept override { return refused_answers; }
+    std::vector<const Link*> other_hands;  ///< As in HapticConfig::other_hands.
     rtbus::Stamped<rtbus::DeviceState> device;
     rtbus::Stamped<rtbus::ProxyState> proxy;
     rtbus::Stamped<rtbus::ProxyContacts> contacts;

@@ -36,7 +36,7 @@ struct Scene {
   double damping_n_s_per_m = kB;
 
   explicit Scene(const Tuning& tuning, std::vector<rtbus::shapes::StandingShape> shapes = {})
-      : world(std::make_unique<LocalWorld>(std::move(shapes), tuning)) {
+      : world(std::make_unique<LocalWorld>(std::move(shapes), 0, tuning)) {
     world->reset(Vector3d::Zero());
   }
   /// @returns the force on the hand.

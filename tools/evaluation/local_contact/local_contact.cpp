@@ -32,6 +32,7 @@ void evaluate_local_contact(const LocalContactOptions& options, Experiment& expe
   claim_sliding(options, experiment);
   claim_wall(options, experiment);
   if (!interrupted()) claim_shapes(options, experiment);
+  if (!interrupted()) claim_two_hands(options, experiment);
   if (!interrupted()) claim_block(options, experiment, progress);
   if (!interrupted()) claim_rates(options, experiment, progress);
   if (!interrupted()) claim_rough(options, experiment, progress);

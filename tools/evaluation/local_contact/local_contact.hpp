@@ -41,6 +41,8 @@ void claim_rough(const LocalContactOptions& options, Experiment& experiment, Run
 void claim_third_law(const LocalContactOptions& options, Experiment& experiment);
 /// h: edges, hulls and meshes are felt where they are.
 void claim_shapes(const LocalContactOptions& options, Experiment& experiment);
+/// i: two hands at one body feel each other.
+void claim_two_hands(const LocalContactOptions& options, Experiment& experiment);
 
 /// Writes bumps of 1 mm on a square of 50 mm, y up, in 2·cells² triangles, as an OBJ file in metres. @returns `file`.
 std::filesystem::path write_bumps(const std::filesystem::path& file, int cells);

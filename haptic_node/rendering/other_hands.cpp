@@ -1,0 +1,99 @@
+#include "haptic_node/rendering/other_hands.hpp"
+
+#include <algorithm>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
+
+namespace haptic {
+namespace {
+
+/// A hand that has not spoken for longer than this many of its ticks does nothing any more.
+constexpr double kGoesOn = 1.5;
+
+Impulse told_in(const rtbus::DeviceState& state, std::size_t row) noexcept {
+  return {rtbus::vector_of(state.hand_impulse_n_s[row]), rtbus::vector_of(state.hand_angular_impulse_n_m_s[row])};
+}
+
+}  // namespace
+
+void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_ns) noexcept {
+  const rtbus::DeviceState& state = heard.state.value;
+  const bool gives = (state.wants & rtbus::kOwnsProxy) != 0 && state.enabled != 0;
+  const bool goes_on =
+      hand.time_ns != 0 && state.mapping_epoch == hand.mapping_epoch && state.sample_time_ns >= hand.time_ns;
+  hand.number = heard.number;
+  if (!gives || !goes_on) {  // physics too drops what lies in between
+    hand.mapping_epoch = state.mapping_epoch;
+    hand.time_ns = state.sample_time_ns;
+    for (std::size_t i = 0; i < hand.rows.size(); ++i) {
+      hand.rows[i] = Row{};
+      hand.rows[i].body = state.hand_impulse_body[i];
+      hand.rows[i].generation = state.hand_impulse_generation[i];
+      hand.rows[i].told = told_in(state, i);
+    }
+    return;
+  }
+  hand.tick_ns = state.sample_time_ns - hand.time_ns;
+  for (std::size_t i = 0; i < hand.rows.size(); ++i) learn_row(hand, i, state, apart_ns);
+  hand.time_ns = state.sample_time_ns;
+}
+
+void OtherHands::learn_row(Hand& hand, std::size_t index, const rtbus::DeviceState& state,
+                           std::uint64_t apart_ns) noexcept {
+  Row& row = hand.rows[index];
+  if (row.generation != state.hand_impulse_generation[index] || row.body != state.hand_impulse_body[index]) {
+    row = Row{};
+    row.body = state.hand_impulse_body[index];
+    row.generation = state.hand_impulse_generation[index];
+  }
+  const Impulse told = told_in(state, index);
+  row.last = told - row.told;
+  row.told = told;
+  if (row.last.is_zero()) return;
+  const Impulse before = row.given;
+  row.given += row.last;
+  if (hand.tick_ns > 0) {
+    row.history.add(hand.time_ns, state.sample_time_ns, apart_ns, before, row.given);
+  } else {
+    row.history.correct(state.sample_time_ns, row.last);
+  }
+}
+
+Impulse OtherHands::book(const Hand& hand, Row& row, std::uint64_t now_ns) noexcept {
+  row.booked_before = row.booked;
+  row.booked = row.given;
+  const double lag_s = now_ns > hand.time_ns ? rtbus::seconds_between(hand.time_ns, now_ns) : 0.0;
+  const double tick_s = 1e-9 * static_cast<double>(hand.tick_ns);
+  if (tick_s > 0.0 && lag_s < kGoesOn * tick_s) {
+    const double share = lag_s / tick_s;
+    row.booked += {share * row.last.linear_n_s, share * row.last.angular_n_m_s};
+  }
+  return row.booked - row.booked_before;
+}
+
+template <class At>
+Impulse OtherHands::Since::sum(At&& at) const noexcept {
+  Impulse out;
+  const std::size_t told = std::min<std::size_t>(answer_.hands, rtbus::kHandSlots);
+  for (const Hand& hand : others_.hands_) {
+    const std::uint64_t from_ns = hand.number < told ? answer_.hand_time_ns[hand.number] : 0;
+    if (from_ns == 0) continue;  // physics has nothing of that hand
+    for (const Row& row : hand.rows) {
+      if (row.generation != 0 && row.body == body_) out += at(row, from_ns) - row.history.at(from_ns, row.given);
+    }
+  }
+  return out;
+}
+
+Impulse OtherHands::Since::until(std::uint64_t time_ns) const noexcept {
+  return sum([time_ns](const Row& row, std::uint64_t from_ns) {
+    return row.history.at(std::max(time_ns, from_ns), row.given);
+  });
+}
+
+Impulse OtherHands::Since::until_now() const noexcept {
+  return sum([](const Row& row, std::uint64_t) { return row.booked_before; });
+}
+
+}  // namespace haptic
