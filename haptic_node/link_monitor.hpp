@@ -18,6 +18,16 @@ struct LinkMonitorConfig {
   /// Answers to samples that are older than max(this, twice the age limit of a step) are none: slow physics, whose
   /// answers are two periods and a step old, stays far below it, and so does a link of 0.2 s each way.
   double min_answer_age_s = 0.5;
+
+  /// The same for a link to another machine. What comes may be as much later than what came before it as the round
+  /// trip is long, and an answer is older by the round trip.
+  [[nodiscard]] LinkMonitorConfig over(double round_trip_s) const noexcept {
+    LinkMonitorConfig out = *this;
+    out.loss_timeout_s += round_trip_s;
+    out.min_step_age_s += round_trip_s;
+    out.min_answer_age_s += round_trip_s;
+    return out;
+  }
 };
 
 /// Judges the age of the heartbeat and of the last step. A slow engine with a live heartbeat is not lost.
