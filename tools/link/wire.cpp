@@ -53,7 +53,7 @@ std::vector<std::string> split(const char* list) {
 void PacketWriter::send(const Head& head, std::span<const std::uint8_t> body) noexcept {
   rtbus_link_Packet packet{};
   packet.life = head.life;
-  packet.sequence = head.sequence;
+  packet.number = head.sequence;
   packet.sent_ns = head.sent_ns;
   packet.echo_ns = head.echo_ns;
   packet.held_ns = head.held_ns;
@@ -72,7 +72,7 @@ void PacketReader::drain(const std::function<void(const Head&, std::span<const s
     for (dds_return_t i = 0; i < count; ++i) {
       if (!infos[i].valid_data) continue;
       const auto& packet = *static_cast<const rtbus_link_Packet*>(samples[i]);
-      take({packet.life, packet.sequence, packet.sent_ns, packet.echo_ns, packet.held_ns},
+      take({packet.life, packet.number, packet.sent_ns, packet.echo_ns, packet.held_ns},
            {packet.body._buffer, packet.body._length});
     }
     (void)dds_return_loan(reader_, samples, count);

@@ -125,7 +125,8 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   for (const std::string& name : split.crossed) {
     if (!split.is_here(name)) plan.far_haptic.push_back(name);
   }
-  const std::vector<haptic::HapticConfig> all = plan.haptic;
+  std::vector<std::string> all;
+  for (const haptic::HapticConfig& each : plan.haptic) all.push_back(each.name);
   std::erase_if(plan.haptic, [&](const haptic::HapticConfig& each) { return !split.is_here(each.name); });
   const auto add_warnings = [&plan](const std::string& node, const std::vector<std::string>& warnings) {
     for (const std::string& warning : warnings) plan.warnings.push_back(node + ": " + warning);
@@ -167,8 +168,7 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
     }
     if (plan.haptic.size() > 1 && cores[i] != haptic.realtime.core) {
       // One loop alone chooses for itself. Last, it wins over an `auto` among the assignments.
-      const auto entry = std::find_if(all.begin(), all.end(),
-                                      [&](const haptic::HapticConfig& each) { return each.name == haptic.name; });
+      const auto entry = std::find(all.begin(), all.end(), haptic.name);
       const std::string key = "haptic." + std::to_string(entry - all.begin()) + ".realtime.core";
       plan.nodes.back().arguments.insert(plan.nodes.back().arguments.end(),
                                          {"--set", key + "=" + std::to_string(cores[i])});
