@@ -15,7 +15,7 @@ struct NetworkStats {
   double clock_error_s = 0.0;       ///< Bound of its error; 0: no estimate yet.
   std::uint64_t sent = 0;           ///< Packets.
   std::uint64_t received = 0;       ///< Packets that were used.
-  std::uint64_t lost = 0;           ///< Numbers of packets that never came.
+  std::uint64_t lost = 0;           ///< Numbers passed over: never came, or later than a newer one.
   std::uint64_t late = 0;           ///< Packets that came after a newer one, or twice: dropped.
   std::uint64_t refused = 0;        ///< Packets of peers that do not count, and broken ones.
   std::uint64_t refused_peers = 0;  ///< Times a peer was refused.
