@@ -113,7 +113,7 @@ void read_safety(Map& entry, HapticConfig& out) {
     out.link.loss_timeout_s = map->number("loss_timeout_ms", {25.0, 60.0}, 55.0) * 1e-3;
     map->finish();
   }
-  out.link = out.link.over(out.wire.round_trip_s);
+  if (out.wire.dds) out.link = across_network(out.link, out.wire.round_trip_s);
   safety.stiffness_n_per_m = out.stiffness_n_per_m;
   safety.force_timeout_s = device.force_timeout_s;
 
