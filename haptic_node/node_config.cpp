@@ -113,6 +113,7 @@ void read_safety(Map& entry, HapticConfig& out) {
     out.link.loss_timeout_s = map->number("loss_timeout_ms", {25.0, 60.0}, 55.0) * 1e-3;
     map->finish();
   }
+  if (out.wire.dds) out.link = across_network(out.link, out.wire.round_trip_s);
   safety.stiffness_n_per_m = out.stiffness_n_per_m;
   safety.force_timeout_s = device.force_timeout_s;
 
@@ -159,7 +160,7 @@ void read_method_keys(Map& entry, const MethodEntry& method, HapticConfig& out) 
     entry.fail("link_rate_hz", "is above rate_hz = " + format_number(out.rate_hz) +
                                    " Hz: there is no newer state of the hand to send; lower it or leave it out");
   }
-  if (out.wire.pipe && !method.needs_physics) {
+  if ((out.wire.pipe || out.wire.dds) && !method.needs_physics) {
     entry.fail("link", "has no physics at its other end: method " + out.method + " needs none; leave it out");
   }
   if (method.needs_contacts && out.wire.paper) {

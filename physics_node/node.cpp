@@ -165,7 +165,8 @@ bool Node::read_devices() noexcept {
       stepper_->set_device(i, sample.value, sample.sequence);
       heard_ns_[i] = sample.stamp_ns;  // not now: the newest sample of a dead writer may be old
     }
-    if (heard_ns_[i] != 0 && now_ns > heard_ns_[i] + kDeviceSilentNs) {
+    const std::uint64_t silent_ns = kDeviceSilentNs + rtbus::ns_of(stepper_->proxy(i).wire.round_trip_s);
+    if (heard_ns_[i] != 0 && now_ns > heard_ns_[i] + silent_ns) {
       stepper_->release(i);
       heard_ns_[i] = 0;
     }

@@ -45,6 +45,7 @@ struct NodeFault {
 /// kShortestFreeStepNs: a faster engine waits. The step thread keeps off the CPUs of the haptic loops.
 ///
 /// The proxy of a haptic node that has not published for kDeviceSilentNs is released: it pulls and touches nothing.
+/// (With `link: dds` the largest round trip is added.)
 /// When the node publishes again, the proxy starts at its target, at rest.
 class Node {
  public:

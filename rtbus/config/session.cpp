@@ -1,5 +1,6 @@
 #include "rtbus/config/session.hpp"
 
+#include <arpa/inet.h>
 #include <grp.h>
 
 #include <algorithm>
@@ -118,6 +119,35 @@ std::vector<HapticEntry> read_haptic(Map& root) {
   return out;
 }
 
+/// "10.0.0.2": four numbers of 0 to 255. Names would ask a server, which a link must not wait for.
+bool is_address(const std::string& text) {
+  in_addr parsed{};
+  return inet_pton(AF_INET, text.c_str(), &parsed) == 1;
+}
+
+NetworkConfig read_network(Map& root, bool physics, const std::vector<HapticEntry>& haptic) {
+  NetworkConfig out;
+  std::optional<Map> map = root.optional_map("network");
+  if (!map) return out;
+  out.domain = static_cast<int>(map->integer("domain", 0, 232, out.domain));
+  if (std::optional<Map> machines = map->optional_map("machines")) {
+    const auto read = [&](const std::string& node) {
+      if (!machines->has(node)) {
+        machines->fail(node, "is missing: where some machines are named, each node needs its machine's address");
+      }
+      out.machines[node] = machines->text(node);
+      if (!is_address(out.machines[node])) {
+        machines->fail(node, "is no IPv4 address of a machine; write one, for example 192.168.1.2");
+      }
+    };
+    if (physics) read("physics");
+    for (const HapticEntry& entry : haptic) read(entry.name);
+    machines->finish();
+  }
+  map->finish();
+  return out;
+}
+
 }  // namespace
 
 HapticEntry* SessionConfig::find_haptic(std::string_view name) {
@@ -135,10 +165,11 @@ SessionConfig load_session(const std::string& file, const std::vector<Override>&
   Scene scene = read_scene(scene_map);
   std::optional<Map> physics = root.optional_map("physics");
   std::vector<HapticEntry> haptic = read_haptic(root);
+  NetworkConfig network = read_network(root, physics.has_value(), haptic);
   std::optional<Map> bridge = root.optional_map("bridge");
   root.finish();
-  return {std::move(session), supervise, std::move(scene), std::move(physics), std::move(haptic),
-          std::move(bridge),  file};
+  return {std::move(session), supervise,          std::move(scene),  std::move(physics),
+          std::move(haptic),  std::move(network), std::move(bridge), file};
 }
 
 }  // namespace rtbus::config

@@ -2,6 +2,7 @@
 /// @file session.hpp
 /// A session file, `schema: session/1`: which nodes run on which scene, under which name. The maps of the nodes stay
 /// unread here: each node reads its own, so that no program needs to know another's keys.
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,6 +29,19 @@ struct SuperviseConfig {
   double window_s = 60.0;
 };
 
+/// `network`: where the machines of a session are whose haptic entries have `link: dds`.
+struct NetworkConfig {
+  int domain = 77;  ///< Of DDS. Not 0, which ROS 2 uses.
+  /// Address of the machine that a node runs on, by the node's name. Who is not named is on this machine.
+  std::map<std::string, std::string> machines;
+
+  static constexpr const char* kHere = "127.0.0.1";
+  [[nodiscard]] std::string machine_of(const std::string& node) const {
+    const auto found = machines.find(node);
+    return found == machines.end() ? kHere : found->second;
+  }
+};
+
 /// A session file, read and checked, with its scene.
 struct SessionConfig {
   rtbus::Session session;  ///< Name, mode and group of its shared-memory segments.
@@ -35,8 +49,9 @@ struct SessionConfig {
   Scene scene;
   std::optional<Map> physics;       ///< For physics_node's own reader; none: no physics process.
   std::vector<HapticEntry> haptic;  ///< At least one; names are unique.
-  std::optional<Map> bridge;        ///< For the reader of the bridge to ROS 2; none: no bridge.
-  std::string file;                 ///< As given by the user.
+  NetworkConfig network;
+  std::optional<Map> bridge;  ///< For the reader of the bridge to ROS 2; none: no bridge.
+  std::string file;           ///< As given by the user.
 
   /// The node of that name; null when there is none.
   [[nodiscard]] HapticEntry* find_haptic(std::string_view name);

@@ -7,10 +7,16 @@ namespace rtbus::config {
 LinkConfig read_link_config(Map& entry) {
   LinkConfig out;
   out.paper = entry.choice("form", {"improved", "paper"}, "improved") == "paper";
-  out.pipe = entry.choice("link", {"bus", "pipe"}, "bus") == "pipe";
+  const std::string link = entry.choice("link", {"bus", "pipe", "dds"}, "bus");
+  out.pipe = link == "pipe";
+  out.dds = link == "dds";
   if (out.paper) out.rate_hz = kPaperLinkRate_hz;
   // The lower bound keeps a packet younger than the silence after which physics gives a hand up (100 ms).
   if (entry.has("link_rate_hz")) out.rate_hz = entry.number("link_rate_hz", {15.0, 10000.0});
+  if (out.dds) out.round_trip_s = entry.number("link_round_trip_ms", {1.0, 2000.0}, 200.0) * 1e-3;
+  if (!out.dds && entry.has("link_round_trip_ms")) {
+    entry.fail("link_round_trip_ms", "is for link: dds, where physics is on another machine; leave it out");
+  }
   if (out.pipe && !out.rate_hz) {
     entry.fail("link", "needs link_rate_hz: a pipe is fed by a thread of its own, so many times a second; add it");
   }

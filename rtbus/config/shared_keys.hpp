@@ -12,13 +12,17 @@ namespace rtbus::config {
 /// The paper's client sends so many packets per second (He & Choi 2013, section III.A).
 inline constexpr double kPaperLinkRate_hz = 50.0;
 
-/// `form`, `link_rate_hz` and `link` of a haptic entry: how a haptic node and physics talk.
+/// `form`, `link_rate_hz`, `link` and `link_round_trip_ms` of a haptic entry: how a haptic node and physics talk.
 struct LinkConfig {
   /// `form: paper`: each method as published. Explicit server spring, computed once per step and held; dampers on
   /// absolute velocities. Else the improved form.
   bool paper = false;
   std::optional<double> rate_hz;  ///< Packets per second to physics; none: every tick. Paper's form: 50 unless given.
   bool pipe = false;              ///< `link: pipe`: a duplex named pipe carries both directions, for comparison.
+  bool dds = false;               ///< `link: dds`: physics may be on another machine; `rtbus link` carries both ways.
+  /// `link_round_trip_ms` with `link: dds`: the largest round trip that the link is meant for [s]; else 0. All limits
+  /// of age grow with it.
+  double round_trip_s = 0.0;
 };
 [[nodiscard]] LinkConfig read_link_config(Map& entry);
 

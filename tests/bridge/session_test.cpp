@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -432,6 +433,30 @@ TEST_F(BridgeSession, RubbishChangesNothing) {
   EXPECT_TRUE(eventually(30.0, [&] { return peer.received("rt/haptic0/pose") > so_far + 10; })) << text_of(log());
   EXPECT_EQ(bridge(), first);
   EXPECT_EQ(orders().estops, 0u);
+  EXPECT_EQ(finish(), 0) << text_of(log());
+}
+
+TEST_F(BridgeSession, TheExampleWithoutRtbusPrintsTheForce) {
+  start({"haptic.0.device.hand.release_s=0"});
+  ASSERT_TRUE(await_bridge()) << text_of(log());
+  const std::string printed = folder_.path().string() + "/printed";
+  Child example({std::string(RTBUS_BINARY_DIR) + "/force_over_dds", "haptic0"}, printed);
+  // The hand has fallen on the wall and lies there: what it feels is what the program prints.
+  double vertical_n = 0.0;
+  EXPECT_TRUE(eventually(60.0,
+                         [&] {
+                           const Ticks now = follow_ticks();
+                           const std::string text = text_of(printed);
+                           const std::size_t end = text.rfind(" N\n");
+                           const std::size_t begin = end == std::string::npos ? 0 : text.rfind('\n', end) + 1;
+                           double other[2];
+                           return end != std::string::npos && now.spread_n < 0.01 && newest_tick_.force_n[1] > 0.05 &&
+                                  std::sscanf(text.c_str() + begin, "%lf %lf %lf", &other[0], &vertical_n, &other[1]) ==
+                                      3 &&
+                                  std::abs(vertical_n - newest_tick_.force_n[1]) < 0.02;
+                         }))
+      << text_of(printed) << newest_tick_.force_n[1] << '\n'
+      << text_of(log());
   EXPECT_EQ(finish(), 0) << text_of(log());
 }
 

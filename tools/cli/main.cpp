@@ -17,6 +17,7 @@ namespace {
 tools::Action evaluation(rtbus::Command) { return {}; }
 [[maybe_unused]] tools::Action viewer(rtbus::Command) { return {}; }
 [[maybe_unused]] tools::Action bridge(rtbus::Command) { return {}; }
+[[maybe_unused]] tools::Action link_machines(rtbus::Command) { return {}; }
 
 constexpr tools::CommandEntry kCommands[] = {
     {"run", "Start and supervise the nodes of a session file", &tools::add_run},
@@ -31,6 +32,7 @@ constexpr tools::CommandEntry kCommands[] = {
 #endif
 #if RTBUS_WITH_DDS
     {"bridge", "Show a session to ROS 2, over DDS", &bridge},
+    {"link", "Link a session to its nodes on another machine", &link_machines},
 #endif
 #if RTBUS_WITH_HDF5
     {"record", "Record a session into an HDF5 file", &tools::add_record},
@@ -78,6 +80,7 @@ const char* program_of(std::string_view word, int count, char** arguments) {
     if (entry.add == &evaluation) return "rtbus_evaluation";
     if (entry.add == &viewer) return "rtbus_view";
     if (entry.add == &bridge) return "rtbus_bridge";
+    if (entry.add == &link_machines) return "rtbus_link";
   }
   return nullptr;
 }
@@ -88,10 +91,12 @@ int become(const char* name, char** argv) {
   ::execv(program.c_str(), argv);
   std::fprintf(stderr, "rtbus %s: %s: %s\n", argv[1], program.c_str(), std::strerror(errno));
   if (errno == ENOENT) {
-    std::fprintf(stderr,
-                 "It is a program of its own. The package %s has it; in a source tree build it with\n"
-                 "  cmake --build build --target %s\n",
-                 std::string_view(name) == "rtbus_bridge" ? "rtbus-bridge" : "rtbus", name);
+    std::fprintf(
+        stderr,
+        "It is a program of its own. The package %s has it; in a source tree build it with\n"
+        "  cmake --build build --target %s\n",
+        std::string_view(name) == "rtbus_bridge" || std::string_view(name) == "rtbus_link" ? "rtbus-bridge" : "rtbus",
+        name);
   }
   return tools::kExitFailed;
 }

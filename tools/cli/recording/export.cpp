@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "rtbus/recording/reader.hpp"
@@ -18,6 +19,7 @@
 #include "tools/cli/common/field_format.hpp"
 #include "tools/cli/common/interrupt.hpp"
 #include "tools/cli/recording/export_bodies.hpp"
+#include "tools/cli/recording/merged_clocks.hpp"
 
 namespace tools {
 namespace {
@@ -27,6 +29,7 @@ using rtbus::recording::Recording;
 
 struct ExportOptions {
   std::string file;
+  std::vector<std::string> merge;
   std::vector<std::string> topics;
   std::string output, episodes, haptic = "haptic0";
   std::optional<std::uint64_t> button;
@@ -35,8 +38,10 @@ struct ExportOptions {
 
 constexpr std::uint64_t kRowsAtOnce = 8192;
 
-bool write_csv(const Recording& recording, const RecordedTopic& topic, std::ostream& out) {
-  if (has_named_bodies(recording, topic)) {
+/// @param clocks Its stamps go onto the clock of the recording that it is merged with; null: they stay.
+bool write_csv(const Recording& recording, const RecordedTopic& topic, std::ostream& out,
+               const MergedClocks* clocks = nullptr) {
+  if (clocks == nullptr && has_named_bodies(recording, topic)) {
     (void)write_named_bodies(recording, topic, out);
     return static_cast<bool>(out);
   }
@@ -50,7 +55,10 @@ bool write_csv(const Recording& recording, const RecordedTopic& topic, std::ostr
     }
     for (std::size_t i = 0; i < stamps.size(); ++i) {
       const std::span<const std::byte> bytes(samples.data() + i * topic.sample_bytes, topic.sample_bytes);
-      out << csv_row({sequences[i], stamps[i], bytes}, topic.fields) << '\n';
+      const std::int64_t stamp_ns =
+          clocks != nullptr ? clocks->on_first(stamps[i]) : static_cast<std::int64_t>(stamps[i]);
+      if (stamp_ns < 0) continue;  // before the other machine was started
+      out << csv_row({sequences[i], static_cast<std::uint64_t>(stamp_ns), bytes}, topic.fields) << '\n';
     }
   }
   return static_cast<bool>(out);
@@ -94,7 +102,69 @@ int cut_into_episodes(const ExportOptions& options) {
   return kExitFailed;
 }
 
+bool wanted(const ExportOptions& options, const RecordedTopic& topic) {
+  return options.topics.empty() || std::any_of(options.topics.begin(), options.topics.end(), [&](const auto& name) {
+           return topic.name.find(name) != std::string::npos;
+         });
+}
+
+/// Two recordings of one session, made on its two machines, on the clock of the first.
+int merge(const ExportOptions& options) {
+  if (options.merge.size() != 2) {
+    std::cerr << "rtbus export: --merge takes two recordings, one of each machine: --merge HERE.h5 THERE.h5\n";
+    return kExitUsage;
+  }
+  const auto failed = [](const std::string& why) {
+    std::cerr << "rtbus export: " << why << '\n';
+    return kExitFailed;
+  };
+  const auto first = Recording::open(options.merge[0]);
+  if (!first) return failed(first.error().message);
+  const auto second = Recording::open(options.merge[1]);
+  if (!second) return failed(second.error().message);
+  const auto clocks = MergedClocks::of(*first, *second);
+  if (!clocks) return failed(clocks.error());
+
+  const std::filesystem::path folder = options.output.empty() ? "merged" : std::filesystem::path(options.output);
+  std::uint64_t from_ns = UINT64_MAX, until_ns = 0;
+  double error_s = 0.0;
+  for (const auto& [recording, name, shift] : {std::tuple(&*first, "first", static_cast<const MergedClocks*>(nullptr)),
+                                               std::tuple(&*second, "second", &*clocks)}) {
+    std::error_code error;
+    std::filesystem::create_directories(folder / name, error);
+    if (error) return failed("cannot make the folder " + (folder / name).string() + ": " + error.message());
+    for (const RecordedTopic& topic : recording->topics()) {
+      if (!wanted(options, topic)) continue;
+      const std::filesystem::path path = folder / name / (topic.name + ".csv");
+      std::ofstream out(path);
+      if (!write_csv(*recording, topic, out, shift) || !out.flush()) return failed("cannot write " + path.string());
+      std::printf("%s  %llu rows\n", path.c_str(), static_cast<unsigned long long>(topic.rows));
+      if (shift == nullptr) continue;
+      for (const std::uint64_t stamp_ns : recording->stamps_ns(topic)) {
+        from_ns = std::min(from_ns, stamp_ns);
+        until_ns = std::max(until_ns, stamp_ns);
+        error_s = std::max(error_s, clocks->error_s(stamp_ns));
+      }
+    }
+  }
+  if (until_ns == 0) return failed(second->path() + " has no such topic");
+  const auto less_s = [&](std::uint64_t stamp_ns) {
+    return 1e-9 * static_cast<double>(static_cast<std::int64_t>(stamp_ns) - clocks->on_first(stamp_ns));
+  };
+  std::printf(
+      "the stamps of %s are on the clock of %s: less %.6f s at its beginning and %.6f s at its end, off by at most "
+      "%.6f s (%s)\n",
+      second->path().c_str(), first->path().c_str(), less_s(from_ns), less_s(until_ns), error_s,
+      clocks->source().c_str());
+  return kExitFine;
+}
+
 int run_export(const ExportOptions& options) {
+  if (!options.merge.empty()) return merge(options);
+  if (options.file.empty()) {
+    std::cerr << "rtbus export: which recording? rtbus export FILE.h5, or --merge HERE.h5 THERE.h5\n";
+    return kExitUsage;
+  }
   if (!options.episodes.empty()) return cut_into_episodes(options);
   const auto recording = Recording::open(options.file);
   if (!recording) {
@@ -107,10 +177,7 @@ int run_export(const ExportOptions& options) {
   }
   std::vector<const RecordedTopic*> chosen;
   for (const RecordedTopic& topic : recording->topics()) {
-    const bool wanted = options.topics.empty() ||
-                        std::any_of(options.topics.begin(), options.topics.end(),
-                                    [&](const auto& name) { return topic.name.find(name) != std::string::npos; });
-    if (wanted) chosen.push_back(&topic);
+    if (wanted(options, topic)) chosen.push_back(&topic);
   }
   if (chosen.empty()) {
     std::cerr << "rtbus export: " << options.file << " has no such topic; it has:\n";
@@ -159,7 +226,11 @@ int run_export(const ExportOptions& options) {
 
 Action add_export(rtbus::Command command) {
   auto options = std::make_shared<ExportOptions>();
-  command.option("FILE", options->file, "Recording made by `rtbus record`").required();
+  command.option("FILE", options->file, "Recording made by `rtbus record`");
+  command
+      .option("--merge", options->merge,
+              "Two recordings of one session, made on its two machines: CSV files of both, on the clock of the first")
+      .type_name("HERE.h5 THERE.h5");
   command.flag("--csv", options->csv, "A CSV file per topic; without it: what the recording holds");
   command.option("-t,--topics", options->topics, "Only topics whose names contain this (several allowed)");
   command.option("-o,--output", options->output,

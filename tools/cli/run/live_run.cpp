@@ -268,6 +268,7 @@ void Run::drain() {
 
 void Run::start_bare_loop() {
   // Its phase and core are those of the first haptic loop, which has told both by now.
+  if (observers_.empty()) return;
   const HapticObserver& beside = *observers_.front();
   if (bare_ || options_.report.empty() || options_.no_bare_loop || beside.observed_ticks() == 0 ||
       beside.info().rate_hz <= 0.0) {

@@ -16,6 +16,7 @@ struct RunOptions {
   std::string report;                    ///< "": none is written.
   std::string plots;                     ///< "": beside the report, if there is one.
   std::vector<std::string> assignments;  ///< --set.
+  std::vector<std::string> only;         ///< Nodes of this machine; empty: all.
   std::string record;                    ///< Recording to make from the first tick; "": none.
   std::vector<std::string> record_with;  ///< "bodies", "contacts".
   bool no_plots = false;

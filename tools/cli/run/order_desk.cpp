@@ -85,14 +85,18 @@ OrderDesk::OrderDesk(const RunPlan& plan, RunRecording& recording) : plan_(plan)
 
 rtbus::Result<std::unique_ptr<OrderDesk>, std::string> OrderDesk::open(const RunPlan& plan, RunRecording& recording) {
   std::unique_ptr<OrderDesk> desk(new OrderDesk(plan, recording));
-  for (const haptic::HapticConfig& config : plan.haptic) {
-    const std::string topic = config.name + ".orders";
+  std::vector<std::pair<std::string, const haptic::HapticConfig*>> nodes;
+  for (const haptic::HapticConfig& config : plan.haptic) nodes.emplace_back(config.name, &config);
+  // An E-stop reaches the hands of other machines too: the link carries it.
+  for (const std::string& name : plan.far_haptic) nodes.emplace_back(name, nullptr);
+  for (const auto& [name, config] : nodes) {
+    const std::string topic = name + ".orders";
     auto writer = rtbus::Publication<rtbus::Orders>::create(plan.session, topic, {.capacity = 4});
     if (!writer) {
       return rtbus::Failure{"session " + plan.session.name + ": topic " + topic + ": " +
                             rtbus::to_string(writer.error())};
     }
-    desk->nodes_.push_back({&config, std::move(*writer), {}});
+    desk->nodes_.push_back({config, std::move(*writer), {}});
   }
   if (const auto moved = rtbus::config::bodies_that_orders_move(plan.world); !moved.empty()) {
     auto writer = rtbus::Publication<rtbus::BodyOrders>::create(plan.session, "physics.body_orders", {.capacity = 4});
@@ -134,6 +138,7 @@ bool OrderDesk::serve(std::uint64_t duration_ns) {
 std::vector<OrderDesk::Adjustable> OrderDesk::adjustables() const {
   std::vector<Adjustable> out;
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    if (nodes_[i].config == nullptr) continue;  // adjusted where it runs
     const haptic::HapticConfig& config = *nodes_[i].config;
     const rtbus::Orders& orders = nodes_[i].orders;
     if (config.adjustable_stiffness) {

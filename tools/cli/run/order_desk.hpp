@@ -40,7 +40,7 @@ class OrderDesk {
 
  private:
   struct Node {
-    const haptic::HapticConfig* config;
+    const haptic::HapticConfig* config;  ///< Null: it runs on another machine.
     rtbus::Publication<rtbus::Orders> topic;
     rtbus::Orders orders{};
   };

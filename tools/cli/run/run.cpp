@@ -34,7 +34,7 @@ int run(RunOptions options) {
   RunPlan plan;
   try {
     options.file = find_session(options.file);
-    plan = make_run_plan(options.file, options.assignments);
+    plan = make_run_plan(options.file, options.assignments, options.only);
   } catch (const rtbus::config::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kExitUsage;
@@ -83,6 +83,11 @@ Action add_run(rtbus::Command command) {
   command.option("--set", options->assignments, "Change a key of the session: --set haptic.0.rate_hz=2000")
       .take_all()
       .type_name("KEY=VALUE");
+  command
+      .option("--only", options->only,
+              "Run these nodes alone, physics or haptic nodes; the others run on another machine (link: dds)")
+      .take_all()
+      .type_name("NODE");
   command.option("--plots", options->plots, "Folder of the figures; with --report the default is REPORT_plots")
       .type_name("DIR");
   command.flag("--stills", options->stills,

@@ -18,6 +18,7 @@
 #include "tools/cli/common/tree_python.hpp"
 #include "tools/cli/host/ask_kernel.hpp"
 #include "tools/cli/host/core_plan.hpp"
+#include "tools/link/config/only.hpp"
 
 namespace tools {
 
@@ -86,9 +87,23 @@ ChildSpec bridge_child(rtbus::config::SessionConfig& config, const RunPlan& plan
   return child;
 }
 
+/// Likewise the program that links this machine to the others of the session.
+ChildSpec link_child(const rtbus::config::SessionConfig& config, const std::string& folder, const std::string& file,
+                     const std::vector<std::string>& assignments, const std::vector<std::string>& only) {
+  ChildSpec child{"link", Stage::kObserver, folder + "/rtbus_link", {"link", file}};
+  for (const std::string& node : only) child.arguments.insert(child.arguments.end(), {"--only", node});
+  for (const std::string& text : assignments) child.arguments.insert(child.arguments.end(), {"--set", text});
+  if (::access(child.program.c_str(), X_OK) != 0) {
+    throw rtbus::config::Error(config.file + ": link: dds needs the program " + child.program +
+                               "; install the package rtbus-bridge, or build with cyclonedds-dev and cyclonedds-tools");
+  }
+  return child;
+}
+
 }  // namespace
 
-RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& assignments) {
+RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& assignments,
+                      const std::vector<std::string>& only) {
   std::vector<rtbus::config::Override> overrides;
   for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
   rtbus::config::SessionConfig config = rtbus::config::load_session(file, overrides);
@@ -98,6 +113,7 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   plan.scene = config.scene.name;
   plan.supervise = config.supervise;
   plan.world = config.scene;
+  const link_dds::Split split = link_dds::split_session(config, only);
   std::optional<physics::NodeConfig> physics;
   if (config.physics) physics = physics::read_node_config(config);
   for (std::size_t i = 0; i < config.haptic.size(); ++i) plan.haptic.push_back(haptic::read_haptic_config(config, i));
@@ -107,6 +123,14 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
     return haptic::find_method(each.method)->needs_physics;
   });
   if (asked) plan.physics = std::move(physics);
+  // What runs on other machines has been checked too: the file is the same there.
+  if (!split.is_here("physics")) plan.physics.reset();
+  for (const std::string& name : split.crossed) {
+    if (!split.is_here(name)) plan.far_haptic.push_back(name);
+  }
+  std::vector<std::string> all;
+  for (const haptic::HapticConfig& each : plan.haptic) all.push_back(each.name);
+  std::erase_if(plan.haptic, [&](const haptic::HapticConfig& each) { return !split.is_here(each.name); });
   const auto add_warnings = [&plan](const std::string& node, const std::vector<std::string>& warnings) {
     for (const std::string& warning : warnings) plan.warnings.push_back(node + ": " + warning);
   };
@@ -129,6 +153,9 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
     plan.nodes.push_back(child("physics", Stage::kPhysics, "physics_node", {}));
   }
   if (config.bridge) plan.bridge = bridge_child(config, plan, folder, file, assignments);
+  if (!only.empty() && plan.nodes.empty() && plan.haptic.empty()) {
+    throw rtbus::config::Error(file + ": --only leaves no node for this machine: no method asks for physics");
+  }
   std::vector<int> requested;
   for (const haptic::HapticConfig& haptic : plan.haptic) requested.push_back(haptic.realtime.core);
   const std::vector<int> cores = plan_cores(cores_of_this_process(), requested);
@@ -144,7 +171,8 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
     }
     if (plan.haptic.size() > 1 && cores[i] != haptic.realtime.core) {
       // One loop alone chooses for itself. Last, it wins over an `auto` among the assignments.
-      const std::string key = "haptic." + std::to_string(i) + ".realtime.core";
+      const auto entry = std::find(all.begin(), all.end(), haptic.name);
+      const std::string key = "haptic." + std::to_string(entry - all.begin()) + ".realtime.core";
       plan.nodes.back().arguments.insert(plan.nodes.back().arguments.end(),
                                          {"--set", key + "=" + std::to_string(cores[i])});
       haptic.realtime.core = cores[i];
@@ -155,6 +183,7 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
       }
     }
   }
+  if (!split.crossed.empty()) plan.nodes.push_back(link_child(config, folder, file, assignments, split.here));
   return plan;
 }
 

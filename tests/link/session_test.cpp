@@ -1,0 +1,363 @@
+// A session on two machines (namespaces with a network and a /dev/shm each, joined by net_relay): a wall and a free
+// block over real DDS, peers that do not belong there, and a link that is cut. tools/network/two_machines starts this
+// program.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/messages.hpp"
+#include "rtbus/network_messages.hpp"
+#include "rtbus/order_messages.hpp"
+#include "rtbus/topic.hpp"
+#include "tests/support/process.hpp"
+#include "tests/support/temporary_file.hpp"
+
+namespace {
+
+using tests::Child;
+using tests::eventually;
+
+constexpr double kRoundTrip_s = 0.1;  // that the link is meant for; the relay's is shorter
+constexpr double kLoss_s = 0.2 + 0.5 * kRoundTrip_s, kFade_s = 0.040;  // haptic::across_network, docs/safety.md
+
+std::string text_of(const std::string& file) {
+  std::ostringstream out;
+  out << std::ifstream(file).rdbuf();
+  return out.str();
+}
+
+/// Words of a variable that two_machines sets.
+std::vector<std::string> words_of(const char* variable) {
+  std::istringstream words(std::getenv(variable) != nullptr ? std::getenv(variable) : "");
+  std::vector<std::string> out;
+  for (std::string word; words >> word;) out.push_back(word);
+  return out;
+}
+
+void tell_relay(const std::string& order) { std::ofstream(std::getenv("RTBUS_RELAY")) << order << std::endl; }
+
+double vertical_n(const rtbus::Telemetry& tick) { return tick.force_n[1]; }
+double norm_n(const rtbus::Telemetry& tick) {
+  return std::sqrt(tick.force_n[0] * tick.force_n[0] + tick.force_n[1] * tick.force_n[1] +
+                   tick.force_n[2] * tick.force_n[2]);
+}
+
+class LinkSession : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (words_of("RTBUS_THERE").empty()) GTEST_SKIP() << "SKIPPED: tools/network/two_machines starts this program";
+    bus_.name = "link" + std::to_string(getpid()) + "_" + std::to_string(++runs_);
+  }
+  void TearDown() override {
+    here_.reset();
+    there_.reset();
+    EXPECT_EQ(tests::segments_of(bus_.name), std::vector<std::string>{});
+  }
+
+  [[nodiscard]] std::vector<std::string> run_command(const std::string& config, const std::string& only,
+                                                     const std::vector<std::string>& more) const {
+    std::vector<std::string> words{std::string(RTBUS_BINARY_DIR) + "/rtbus",
+                                   "run",
+                                   std::string(RTBUS_SOURCE_DIR) + "/config/" + config,
+                                   "--only",
+                                   only,
+                                   "--no-bare-loop",
+                                   "--no-plots"};
+    for (const std::string& set : {"session=" + bus_.name, std::string("network.machines.physics=10.77.0.2"),
+                                   std::string("network.machines.haptic0=10.77.0.1"), std::string("haptic.0.link=dds"),
+                                   std::string("haptic.0.link_round_trip_ms=100")}) {
+      words.insert(words.end(), {"--set", set});
+    }
+    for (const std::string& set : more) words.insert(words.end(), {"--set", set});
+    return words;
+  }
+  /// On the other machine.
+  [[nodiscard]] Child there(std::vector<std::string> words, const std::string& log) const {
+    std::vector<std::string> command = words_of("RTBUS_THERE");
+    command.insert(command.end(), words.begin(), words.end());
+    return Child(command, log);
+  }
+
+  /// Both machines, until forces act here.
+  void start(const std::string& config, const std::vector<std::string>& more = {}) {
+    there_ = std::make_unique<Child>(there(run_command(config, "physics", more), there_log()));
+    here_ = std::make_unique<Child>(run_command(config, "haptic0", more), here_log());
+    ASSERT_TRUE(eventually(60.0, [&] {
+      auto opened = rtbus::Reader<rtbus::Telemetry>::open(bus_, "haptic0.telemetry", {.presence = true});
+      if (opened && !ticks_) ticks_.emplace(std::move(*opened));
+      auto stats = rtbus::Reader<rtbus::NetworkStats>::open(bus_, "link.stats.haptic0");
+      if (stats && !stats_) stats_.emplace(std::move(*stats));
+      auto beats = rtbus::Reader<rtbus::Heartbeat>::open(bus_, "physics.heartbeat");
+      if (beats && !beats_) beats_.emplace(std::move(*beats));
+      return ticks_ && stats_ && beats_;
+    })) << logs();
+    ASSERT_TRUE(eventually(60.0, [&] {
+      follow();
+      return newest_.gate == 1.0;
+    })) << logs();
+  }
+  int finish(std::unique_ptr<Child>& child) {
+    const int status = child->end(SIGINT);
+    child.reset();
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  /// What happened since the last call.
+  struct Ticks {
+    double least_n = 1e9, most_n = -1e9;  ///< Vertical.
+    double steepest_n = 0.0;              ///< Largest change of force between two ticks.
+    [[nodiscard]] double spread_n() const { return most_n - least_n; }
+  };
+  Ticks follow() {
+    Ticks out;
+    rtbus::Stamped<rtbus::Telemetry> tick;
+    while (ticks_->read_next(tick) == rtbus::ReadStatus::kFresh) {
+      out.least_n = std::min(out.least_n, vertical_n(tick.value));
+      out.most_n = std::max(out.most_n, vertical_n(tick.value));
+      if (newest_.tick + 1 == tick.value.tick) {
+        double change_2 = 0.0;
+        for (int i = 0; i < 3; ++i) change_2 += std::pow(tick.value.force_n[i] - newest_.force_n[i], 2);
+        out.steepest_n = std::max(out.steepest_n, std::sqrt(change_2));
+      }
+      newest_ = tick.value;
+    }
+    return out;
+  }
+  [[nodiscard]] rtbus::NetworkStats stats() {
+    rtbus::Stamped<rtbus::NetworkStats> sample;
+    if (stats_->read_latest(sample) == rtbus::ReadStatus::kFresh) newest_stats_ = sample.value;
+    return newest_stats_;
+  }
+  /// Until the hand has fallen on the wall and lies there. @returns what happened meanwhile.
+  Ticks follow_to_rest() {
+    Ticks out;
+    std::uint64_t looked_ns = rtbus::monotonic_ns();
+    Ticks lately;
+    EXPECT_TRUE(eventually(60.0, [&] {
+      const Ticks now = follow();
+      for (Ticks* each : {&out, &lately}) {
+        each->least_n = std::min(each->least_n, now.least_n);
+        each->most_n = std::max(each->most_n, now.most_n);
+        each->steepest_n = std::max(each->steepest_n, now.steepest_n);
+      }
+      if (rtbus::monotonic_ns() < looked_ns + 300 * rtbus::kNsPerMs) return false;
+      looked_ns = rtbus::monotonic_ns();
+      return std::exchange(lately, {}).spread_n() < 0.01 && vertical_n(newest_) > 0.05;
+    })) << logs();
+    return out;
+  }
+  /// Runs a stranger on the other machine to its end. @returns how much the force here changed meanwhile.
+  double bear_stranger(std::vector<std::string> options, double seconds) {
+    options.insert(options.begin(), {std::string(RTBUS_BINARY_DIR) + "/stranger", "--own", "10.77.0.2", "--other",
+                                     "10.77.0.1", "--session", bus_.name, "--seconds", std::to_string(seconds)});
+    (void)follow();
+    Child stranger = there(options, folder_.path().string() + "/stranger");
+    double spread_n = 0.0;
+    int status = -1;
+    EXPECT_TRUE(eventually(60.0, [&] {
+      spread_n = std::max(spread_n, follow().spread_n());
+      return stranger.has_ended(status);
+    }));
+    EXPECT_EQ(status, 0) << text_of(folder_.path().string() + "/stranger");
+    return spread_n;
+  }
+
+  [[nodiscard]] std::string here_log() const { return folder_.path().string() + "/here"; }
+  [[nodiscard]] std::string there_log() const { return folder_.path().string() + "/there"; }
+  [[nodiscard]] std::string logs() const { return "here:\n" + text_of(here_log()) + "there:\n" + text_of(there_log()); }
+
+  static inline int runs_ = 0;
+  rtbus::Session bus_;
+  tests::TemporaryFolder folder_;
+  std::unique_ptr<Child> here_, there_;
+  std::optional<rtbus::Reader<rtbus::Telemetry>> ticks_;
+  std::optional<rtbus::Reader<rtbus::NetworkStats>> stats_;
+  std::optional<rtbus::Reader<rtbus::Heartbeat>> beats_;
+  rtbus::Telemetry newest_;
+  rtbus::NetworkStats newest_stats_;
+};
+
+TEST_F(LinkSession, AWallOverTheLinkAndWhenItIsCutZeroForceAndASoftReturn) {
+  start("wall.yaml");
+  const Ticks first = follow_to_rest();
+  const double rest_n = vertical_n(newest_);
+  // The hand's own stamps came back: ages are those of the round trip, whatever the other clock says.
+  EXPECT_GT(newest_.proxy_age_ns, rtbus::ns_of(0.020));
+  EXPECT_LT(newest_.proxy_age_ns, rtbus::ns_of(0.5));
+  EXPECT_EQ(stats().connected, 1u);
+  EXPECT_GT(stats().round_trip_s, 0.025);
+
+  // Zero force within the promise, counted from the last heartbeat that came.
+  tell_relay("cut");
+  std::uint64_t silent_ns = 0, zero_ns = 0;
+  ASSERT_TRUE(eventually(30.0, [&] {
+    rtbus::Stamped<rtbus::Heartbeat> beat;
+    if (beats_->read_latest(beat) == rtbus::ReadStatus::kFresh) silent_ns = beat.stamp_ns;
+    rtbus::Stamped<rtbus::Telemetry> tick;
+    while (zero_ns == 0 && ticks_->read_next(tick) == rtbus::ReadStatus::kFresh) {
+      newest_ = tick.value;
+      if (norm_n(tick.value) == 0.0) zero_ns = tick.stamp_ns;
+    }
+    return zero_ns != 0;
+  })) << logs();
+  EXPECT_LE(rtbus::seconds_between(silent_ns, zero_ns), kLoss_s + kFade_s + 0.010);
+
+  // Nothing for 5 s, then a force that grows and does not jump.
+  const std::uint64_t back_ns = zero_ns + 5 * rtbus::kNsPerS;
+  while (rtbus::monotonic_ns() < back_ns) {
+    const Ticks away = follow();
+    EXPECT_LE(away.most_n, 0.0);
+    EXPECT_GE(away.least_n, away.most_n > -1e9 ? 0.0 : 1e9);
+    usleep(100000);
+  }
+  tell_relay("restore");
+  const Ticks soft = follow_to_rest();
+  EXPECT_EQ(newest_.gate, 1.0);
+  EXPECT_LE(soft.most_n, first.most_n);  // softer than the fall of 20 mm at the beginning
+  EXPECT_LE(soft.steepest_n, first.steepest_n);
+  std::printf(
+      "rest %.3f N, zero %.0f ms after the last sign, return at most %.3f N and %.4f N/tick, fall %.3f N and %.4f "
+      "N/tick\n",
+      rest_n, 1e3 * rtbus::seconds_between(silent_ns, zero_ns), soft.most_n, soft.steepest_n, first.most_n,
+      first.steepest_n);
+  EXPECT_EQ(finish(here_), 0) << logs();
+  EXPECT_EQ(finish(there_), 0) << logs();
+}
+
+TEST_F(LinkSession, StrangersAreRefusedWithAReasonAndNothingIsFelt) {
+  start("wall.yaml");
+  (void)follow_to_rest();
+  EXPECT_LT(bear_stranger({"--foreign-version"}, 1.0), 0.02);
+  EXPECT_LT(bear_stranger({"--foreign-layout"}, 1.0), 0.02);
+  EXPECT_LT(bear_stranger({"--foreign-session"}, 1.0), 0.02);
+  EXPECT_LT(bear_stranger({}, 1.5), 0.02);  // a second physics
+  EXPECT_LT(bear_stranger({"--flood"}, 1.5), 0.02);
+  EXPECT_LT(bear_stranger({"--noise"}, 1.5), 0.02);
+  EXPECT_EQ(newest_.gate, 1.0);
+  EXPECT_TRUE(eventually(10.0, [&] { return stats().refused > 100; }));
+  EXPECT_EQ(stats().connected, 1u);
+  const std::string said = text_of(here_log());
+  const auto times = [&](const std::string& words) {
+    std::size_t count = 0;
+    for (std::size_t at = said.find(words); at != std::string::npos; at = said.find(words, at + 1)) ++count;
+    return count;
+  };
+  EXPECT_EQ(times("it speaks version 2 of the link"), 1u) << said;
+  EXPECT_EQ(times("its messages have another layout"), 1u) << said;
+  EXPECT_EQ(times("it claims physics, for which another peer"), 1u) << said;
+  EXPECT_EQ(times("it belongs to session '" + bus_.name + "x'"), 1u) << said;
+  EXPECT_EQ(times("is lost"), 0u) << said;
+  EXPECT_EQ(finish(here_), 0) << logs();
+  EXPECT_EQ(finish(there_), 0) << logs();
+}
+
+TEST_F(LinkSession, AFreeBlockIsPushedAndAnEstopThereStopsTheHandHere) {
+  start("free_block.yaml");
+  double most_n = 0.0;
+  EXPECT_TRUE(eventually(30.0, [&] {
+    follow();
+    most_n = std::max(most_n, norm_n(newest_));
+    return most_n > 0.05;
+  })) << logs();
+  // Where the block is, as the other machine says.
+  const auto block_z_m = [&] {
+    const std::string out = folder_.path().string() + "/bodies";
+    Child echo = there({std::string(RTBUS_BINARY_DIR) + "/rtbus", "echo", "physics.body_poses", "--session", bus_.name,
+                        "-n", "1", "--json"},
+                       out);
+    echo.wait();
+    const nlohmann::json sample = nlohmann::json::parse(text_of(out), nullptr, false);
+    double least = 0.0;  // of all bodies: only the block moves, along -z
+    if (sample.is_object() && sample.contains("position_m")) {
+      const nlohmann::json& xyz = sample["position_m"];  // of one body after the other
+      for (std::size_t at = 2; at < xyz.size(); at += 3) least = std::min(least, xyz[at].get<double>());
+    }
+    return least;
+  };
+  constexpr double kStarts_m = -0.02;  // config/scenes/free_block.yaml
+  EXPECT_TRUE(eventually(20.0, [&] { return block_z_m() < kStarts_m - 0.005; })) << logs();
+  EXPECT_EQ(stats().left_out, 0u);
+
+  Child stop = there({std::string(RTBUS_BINARY_DIR) + "/rtbus", "estop", "--session", bus_.name},
+                     folder_.path().string() + "/estop");
+  EXPECT_EQ(stop.wait(), 0) << text_of(folder_.path().string() + "/estop");
+  EXPECT_TRUE(eventually(10.0, [&] {
+    follow();
+    return norm_n(newest_) == 0.0 && newest_.gate == 0.0;
+  })) << logs();
+  EXPECT_EQ(finish(here_), 0) << logs();
+  EXPECT_EQ(finish(there_), 0) << logs();
+}
+
+#if RTBUS_WITH_HDF5
+constexpr double kUptime_s = 100000.0;  // by which the other machine's clock is ahead; two_machines is told the same
+
+class LinkClocks : public LinkSession {};
+
+// Both machines are one kernel's, so the difference of their clocks is known exactly.
+TEST_F(LinkClocks, TwoRecordingsComeOntoOneClockWithinTheBound) {
+  start("wall.yaml");
+  const std::string folder = folder_.path().string();
+  const auto record = [&](const std::string& file) {
+    return std::vector<std::string>{
+        std::string(RTBUS_BINARY_DIR) + "/rtbus", "record", folder + file, "--session", bus_.name, "--duration", "2"};
+  };
+  Child recorder_there = there(record("/there.h5"), folder + "/record_there");
+  Child recorder_here(record("/here.h5"), folder + "/record_here");
+  EXPECT_EQ(recorder_there.wait(), 0) << text_of(folder + "/record_there");
+  EXPECT_EQ(recorder_here.wait(), 0) << text_of(folder + "/record_here");
+  EXPECT_EQ(finish(here_), 0) << logs();
+  EXPECT_EQ(finish(there_), 0) << logs();
+
+  Child merge({std::string(RTBUS_BINARY_DIR) + "/rtbus", "export", "--merge", folder + "/here.h5", folder + "/there.h5",
+               "-o", folder + "/merged"},
+              folder + "/merge");
+  EXPECT_EQ(merge.wait(), 0);
+  const std::string said = text_of(folder + "/merge");
+  double begin_s = 0.0, end_s = 0.0, error_s = 0.0;
+  const std::size_t at = said.find("less ");
+  ASSERT_NE(at, std::string::npos) << said;
+  ASSERT_EQ(std::sscanf(said.c_str() + at, "less %lf s at its beginning and %lf s at its end, off by at most %lf s",
+                        &begin_s, &end_s, &error_s),
+            3)
+      << said;
+  EXPECT_GT(error_s, 0.010);  // 40 ms there and back: no better is possible
+  EXPECT_LT(error_s, 0.030);
+  EXPECT_NEAR(begin_s, kUptime_s, error_s);
+  EXPECT_NEAR(end_s, kUptime_s, error_s);
+
+  // An answer came here after it was made there, on the one clock too.
+  const auto first_stamp_s = [&](const std::string& file) {
+    std::istringstream lines(text_of(folder + "/merged/" + file));
+    std::string line;
+    std::getline(lines, line);
+    std::getline(lines, line);
+    unsigned long long sequence = 0, stamp_ns = 0;
+    EXPECT_EQ(std::sscanf(line.c_str(), "%llu,%llu", &sequence, &stamp_ns), 2) << file << ": " << line;
+    return 1e-9 * static_cast<double>(stamp_ns);
+  };
+  EXPECT_NEAR(first_stamp_s("first/physics.proxy_state.haptic0.csv"),
+              first_stamp_s("second/physics.proxy_state.haptic0.csv"), 60.0);
+
+  // Without the link's statistics nobody knows, and recordings of another session do not belong here.
+  Child alone({std::string(RTBUS_BINARY_DIR) + "/rtbus", "export", "--merge", folder + "/here.h5"}, folder + "/alone");
+  const int status = alone.wait();
+  EXPECT_EQ(WEXITSTATUS(status), 2);
+  EXPECT_THAT(text_of(folder + "/alone"), testing::HasSubstr("takes two recordings"));
+}
+#endif
+
+}  // namespace
