@@ -1,5 +1,7 @@
 // What others on DDS may send to the bridge: bytes that Cyclone DDS decodes and the bridge's rules judge. Records of a
 // topic and an author, of the time since the one before, of a length, and of so many bytes of CDR with their header.
+#include <unistd.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -33,7 +35,8 @@ constexpr const char* kSession = "fuzz-bridge";
 bridge::BridgeConfig config() {
   bridge::BridgeConfig out;
   out.domain = 97;
-  out.space = "/fuzz";
+  // Nobody else on this domain has these topics, also not the same fuzzer beside this one.
+  out.space = "/fuzz" + std::to_string(::getpid());
   out.orders.estop_timeout_s = 0.5;
   out.orders.enable_timeout_s = 0.5;
   out.orders.marks_per_s = 10.0;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "drivers/falcon/ftdi.hpp"
-#include "drivers/virtual_devices/bench.hpp"
+#include "drivers/virtual_devices/bench/bench.hpp"
 #include "drivers/virtual_devices/falcon/falcon_arm.hpp"
 #include "drivers/virtual_devices/falcon/falcon_board.hpp"
 #include "drivers/virtual_usb/kind.hpp"

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "drivers/phantom/phantom_models.hpp"
-#include "drivers/virtual_devices/bench.hpp"
+#include "drivers/virtual_devices/bench/bench.hpp"
 #include "drivers/virtual_devices/phantom/phantom_firmware.hpp"
 #include "drivers/virtual_devices/phantom/virtual_arm.hpp"
 #include "drivers/virtual_usb/kind.hpp"

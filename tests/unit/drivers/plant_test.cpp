@@ -50,14 +50,13 @@ TEST_F(PlantOnTheBus, ObeysAWordThatSomebodyWroteOverTheForce) {
   drivers::simulated::SimulatedSettings settings;
   settings.mechanics.force_step_n = 0.0;
   settings.mechanics.max_force_n = 7.9;
+  settings.info.force_timeout_s = 100.0;  // however busy the machine is
   auto plant = drivers::simulated::Plant::create(settings, session_, "haptic0");
   ASSERT_TRUE(plant);
   auto commands = rtbus::Writer<PlantCommand>::create(session_, "haptic0.plant_command");
   ASSERT_TRUE(commands);
   (*plant)->maintain();
-  // Stamped later than it is read, it acts from then on, however busy the machine is.
-  const std::uint64_t late_ns = rtbus::monotonic_ns() + 100 * rtbus::kNsPerS;
-  commands->publish({{0.0, kForce_n, 0.0}}, late_ns);
+  commands->publish({{0.0, kForce_n, 0.0}}, rtbus::monotonic_ns());
 
   const std::string path = "/dev/shm/" + rtbus::segment_name(session_.name, "haptic0.plant_command");
   std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
@@ -72,7 +71,7 @@ TEST_F(PlantOnTheBus, ObeysAWordThatSomebodyWroteOverTheForce) {
   file.write(word, 8).flush();
   EXPECT_TRUE(run_until(**plant, [](const PlantState& state) { return state.applied_force_n[1] == kOther_n; }));
   // The next command is the writer's again.
-  commands->publish({{0.0, kForce_n, 0.0}}, late_ns);
+  commands->publish({{0.0, kForce_n, 0.0}}, rtbus::monotonic_ns());
   EXPECT_TRUE(run_until(**plant, [](const PlantState& state) { return state.applied_force_n[1] == kForce_n; }));
 }
 

@@ -1,4 +1,4 @@
-#include "drivers/virtual_devices/bench.hpp"
+#include "drivers/virtual_devices/bench/bench.hpp"
 
 #include <unistd.h>
 
