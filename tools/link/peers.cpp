@@ -152,7 +152,9 @@ std::uint64_t TimeShift::here(std::uint64_t theirs_ns, std::uint64_t now_ns) noe
     shift_ns_ = shift_ns;
   } else {
     // Clocks drift: the fastest packet counts less from second to second.
-    shift_ns_ += static_cast<std::int64_t>(ClockOffset::kDrift * static_cast<double>(now_ns - at_ns_));
+    if (now_ns > at_ns_) {
+      shift_ns_ += static_cast<std::int64_t>(ClockOffset::kDrift * static_cast<double>(now_ns - at_ns_));
+    }
     shift_ns_ = std::min(shift_ns_, shift_ns);
   }
   at_ns_ = now_ns;

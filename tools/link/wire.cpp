@@ -1,11 +1,17 @@
 #include "tools/link/wire.hpp"
 
+#include <dds/ddsrt/log.h>
+
 #include <algorithm>
+#include <atomic>
+#include <cstdio>
 #include <memory>
 #include <sstream>
 #include <utility>
 
 #include <link_messages.h>
+
+#include "rtbus/clock.hpp"
 
 namespace link_dds {
 
@@ -15,6 +21,25 @@ using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
 
 /// A reader keeps so many until they are taken: what others send between does not push the peer's out.
 constexpr std::int32_t kKept = 64;
+
+/// Cyclone DDS has a line for each datagram that is none of DDS's: of a flood the first is told, then one in ten
+/// seconds.
+void tell_sparsely(void*, const dds_log_data_t* data) {
+  static std::atomic<std::uint64_t> told_ns{0}, untold{0};
+  constexpr std::uint64_t kPause_ns = 10 * rtbus::kNsPerS;
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  std::uint64_t before_ns = told_ns.load();
+  if ((before_ns != 0 && now_ns < before_ns + kPause_ns) || !told_ns.compare_exchange_strong(before_ns, now_ns)) {
+    ++untold;
+    return;
+  }
+  std::string line(data->message, std::min<std::size_t>(data->size, 160));
+  std::replace_if(
+      line.begin(), line.end(), [](char c) { return c < 0x20 || c > 0x7e; }, ' ');
+  const std::uint64_t count = untold.exchange(0);
+  std::fprintf(stderr, "rtbus link: DDS: %s%s\n", line.c_str(),
+               count > 0 ? (" (and " + std::to_string(count) + " more lines)").c_str() : "");
+}
 
 Qos new_qos(bool reliable, bool latched, std::int32_t depth) {
   Qos qos(dds_create_qos(), &dds_delete_qos);
@@ -81,6 +106,7 @@ void PacketReader::drain(const std::function<void(const Head&, std::span<const s
 
 rtbus::Result<Wire, std::string> Wire::open(int domain, const std::string& own,
                                             const std::vector<std::string>& others) {
+  dds_set_log_sink(&tell_sparsely, nullptr);
   const auto id = static_cast<dds_domainid_t>(domain);
   const dds_entity_t made = dds_create_domain(id, configuration(own, others).c_str());
   const dds_entity_t participant = made < 0 ? made : dds_create_participant(id, nullptr, nullptr);
