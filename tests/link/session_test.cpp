@@ -302,4 +302,62 @@ TEST_F(LinkSession, AFreeBlockIsPushedAndAnEstopThereStopsTheHandHere) {
   EXPECT_EQ(finish(there_), 0) << logs();
 }
 
+#if RTBUS_WITH_HDF5
+constexpr double kUptime_s = 100000.0;  // by which the other machine's clock is ahead; two_machines is told the same
+
+class LinkClocks : public LinkSession {};
+
+// Both machines are one kernel's, so the difference of their clocks is known exactly.
+TEST_F(LinkClocks, TwoRecordingsComeOntoOneClockWithinTheBound) {
+  start("wall.yaml");
+  const std::string folder = folder_.path().string();
+  const auto record = [&](const std::string& file) {
+    return std::vector<std::string>{
+        std::string(RTBUS_BINARY_DIR) + "/rtbus", "record", folder + file, "--session", bus_.name, "--duration", "2"};
+  };
+  Child recorder_there = there(record("/there.h5"), folder + "/record_there");
+  Child recorder_here(record("/here.h5"), folder + "/record_here");
+  EXPECT_EQ(recorder_there.wait(), 0) << text_of(folder + "/record_there");
+  EXPECT_EQ(recorder_here.wait(), 0) << text_of(folder + "/record_here");
+  EXPECT_EQ(finish(here_), 0) << logs();
+  EXPECT_EQ(finish(there_), 0) << logs();
+
+  Child merge({std::string(RTBUS_BINARY_DIR) + "/rtbus", "export", "--merge", folder + "/here.h5", folder + "/there.h5",
+               "-o", folder + "/merged"},
+              folder + "/merge");
+  EXPECT_EQ(merge.wait(), 0);
+  const std::string said = text_of(folder + "/merge");
+  double begin_s = 0.0, end_s = 0.0, error_s = 0.0;
+  const std::size_t at = said.find("less ");
+  ASSERT_NE(at, std::string::npos) << said;
+  ASSERT_EQ(std::sscanf(said.c_str() + at, "less %lf s at its beginning and %lf s at its end, off by at most %lf s",
+                        &begin_s, &end_s, &error_s),
+            3)
+      << said;
+  EXPECT_GT(error_s, 0.010);  // 40 ms there and back: no better is possible
+  EXPECT_LT(error_s, 0.030);
+  EXPECT_NEAR(begin_s, kUptime_s, error_s);
+  EXPECT_NEAR(end_s, kUptime_s, error_s);
+
+  // An answer came here after it was made there, on the one clock too.
+  const auto first_stamp_s = [&](const std::string& file) {
+    std::istringstream lines(text_of(folder + "/merged/" + file));
+    std::string line;
+    std::getline(lines, line);
+    std::getline(lines, line);
+    unsigned long long sequence = 0, stamp_ns = 0;
+    EXPECT_EQ(std::sscanf(line.c_str(), "%llu,%llu", &sequence, &stamp_ns), 2) << file << ": " << line;
+    return 1e-9 * static_cast<double>(stamp_ns);
+  };
+  EXPECT_NEAR(first_stamp_s("first/physics.proxy_state.haptic0.csv"),
+              first_stamp_s("second/physics.proxy_state.haptic0.csv"), 60.0);
+
+  // Without the link's statistics nobody knows, and recordings of another session do not belong here.
+  Child alone({std::string(RTBUS_BINARY_DIR) + "/rtbus", "export", "--merge", folder + "/here.h5"}, folder + "/alone");
+  const int status = alone.wait();
+  EXPECT_EQ(WEXITSTATUS(status), 2);
+  EXPECT_THAT(text_of(folder + "/alone"), testing::HasSubstr("takes two recordings"));
+}
+#endif
+
 }  // namespace
