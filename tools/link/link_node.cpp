@@ -42,6 +42,9 @@ constexpr std::uint64_t kTellRestart_ns = 50 * rtbus::kNsPerMs;
 /// A peer that was silent for the round trip and this may be replaced by another.
 constexpr std::uint64_t kSilence_ns = rtbus::kNsPerS;
 
+/// NodeInfo::core of a node that runs elsewhere: observers here need not keep off it.
+constexpr std::uint32_t kNoCoreHere = 0xffffffff;
+
 enum class StateKind : std::uint8_t { kStepStats = 1, kPhysicsInfo = 2, kHapticInfo = 3, kOrders = 4 };
 
 std::uint64_t new_life() {
@@ -538,9 +541,11 @@ void LinkNode::Impl::take_state(Hand& hand, const Head& head, std::span<const st
   const std::string node = has_physics() ? hand.about.name : "physics";
   if (!takes(hand, node, hand.state_newest[kind], head, now_ns)) return;
   body = body.subspan(1);
-  const auto publish = [&]<class T>(std::optional<In<T>>& into) {
+  const auto as_it_is = [](const auto&) {};
+  const auto publish = [&]<class T>(std::optional<In<T>>& into, const auto& change) {
     T sample;
     if (into && unpack(body, sample) && body.empty() && rtbus::SampleTraits<T>::sane(sample, now_ns)) {
+      change(sample);
       into->publish(sample, now_ns);
     } else {
       hand.flow->count(&rtbus::NetworkStats::refused);
@@ -548,13 +553,13 @@ void LinkNode::Impl::take_state(Hand& hand, const Head& head, std::span<const st
   };
   switch (static_cast<StateKind>(kind)) {
     case StateKind::kStepStats:
-      publish(step_stats);
+      publish(step_stats, as_it_is);
       break;
     case StateKind::kPhysicsInfo:
-      publish(physics_info);
+      publish(physics_info, as_it_is);
       break;
     case StateKind::kHapticInfo:
-      publish(hand.haptic_info_in);
+      publish(hand.haptic_info_in, [](rtbus::NodeInfo& info) { info.core = kNoCoreHere; });
       break;
     case StateKind::kOrders: {
       rtbus::Orders orders;
