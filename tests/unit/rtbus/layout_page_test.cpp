@@ -11,6 +11,7 @@
 #include "rtbus/detail/layout.hpp"
 #include "rtbus/link_messages.hpp"
 #include "rtbus/messages.hpp"
+#include "rtbus/network_messages.hpp"
 #include "rtbus/order_messages.hpp"
 #include "rtbus/shape_messages.hpp"
 
@@ -53,9 +54,10 @@ TEST(LayoutPage, GivesTheSizeOfEverySample) {
     ASSERT_EQ(row.size(), 4U) << row.front();
     told["rtbus/" + row[1]] = number(row[2]);
   }
-  EXPECT_EQ(told,
-            (sizes<DeviceState, ProxyState, Heartbeat, NodeInfo, LoopStats, Telemetry, StepStats, BodyPoses, SoftNodes,
-                   PlantCommand, PlantState, ProxyContacts, LinkStats, Orders, ContactPoints, BodyShapes>()));
+  EXPECT_EQ(
+      told,
+      (sizes<DeviceState, ProxyState, Heartbeat, NodeInfo, LoopStats, Telemetry, StepStats, BodyPoses, SoftNodes,
+             PlantCommand, PlantState, ProxyContacts, LinkStats, NetworkStats, Orders, ContactPoints, BodyShapes>()));
 }
 
 #define MEMBER(name)                                                                      \
