@@ -293,6 +293,8 @@ int main(int argc, char** argv) {
   (void)rtbus::prefer_on_time();
   const auto relay = std::make_unique<Relay>(std::move(options), *here, *there);
   if (!relay->open_control()) return 1;
+  std::puts("net_relay: ready");  // who started it waits for this
+  std::fflush(stdout);
   relay->serve();
   return relay->report() ? 0 : 1;
 }
