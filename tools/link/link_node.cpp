@@ -153,6 +153,7 @@ struct LinkNode::Impl {
     std::optional<In<rtbus::ProxyContacts>> contacts;
     std::uint64_t silent_until_ns = 0;  ///< Physics has begun anew: nothing but that is told until then.
     std::uint32_t physics_pid = 0;
+    std::uint64_t physics_beats = 0;
     std::uint64_t estops_seen = 0;
 
     // Where physics is.
@@ -471,11 +472,13 @@ void LinkNode::Impl::take_beat(Hand& hand, const Answer& answer, std::uint64_t n
   }
   // Physics that was started anew within the patience of this link: a loop must hear of it, since its sums and steps
   // begin anew.
-  if (hand.physics_pid != 0 && here.pid != hand.physics_pid) {
+  const bool another = here.pid != hand.physics_pid || here.beats < hand.physics_beats;
+  if (hand.physics_pid != 0 && another) {
     hand.silent_until_ns = now_ns + kTellRestart_ns;
     say("physics began anew: " + hand.about.name + " does so too");
   }
   hand.physics_pid = here.pid;
+  hand.physics_beats = here.beats;
   if (now_ns < hand.silent_until_ns) here.state = static_cast<std::uint32_t>(rtbus::NodeState::kStarting);
   heartbeat->publish(here, beat_stamps.next(then_ns));
 }
