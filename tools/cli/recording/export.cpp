@@ -125,7 +125,7 @@ int merge(const ExportOptions& options) {
   const auto clocks = MergedClocks::of(*first, *second);
   if (!clocks) return failed(clocks.error());
 
-  const std::filesystem::path folder = options.output.empty() ? std::filesystem::path("merged") : options.output;
+  const std::filesystem::path folder = options.output.empty() ? "merged" : std::filesystem::path(options.output);
   std::uint64_t from_ns = UINT64_MAX, until_ns = 0;
   double error_s = 0.0;
   for (const auto& [recording, name, shift] : {std::tuple(&*first, "first", static_cast<const MergedClocks*>(nullptr)),
