@@ -242,7 +242,7 @@ TEST_F(LinkSession, StrangersAreRefusedWithAReasonAndNothingIsFelt) {
   (void)follow_to_rest();
   EXPECT_LT(bear_stranger({"--foreign-version"}, 1.0), 0.02);
   EXPECT_LT(bear_stranger({"--foreign-layout"}, 1.0), 0.02);
-  EXPECT_LT(bear_stranger({"--session", bus_.name + "x"}, 1.0), 0.02);
+  EXPECT_LT(bear_stranger({"--foreign-session"}, 1.0), 0.02);
   EXPECT_LT(bear_stranger({}, 1.5), 0.02);  // a second physics
   EXPECT_LT(bear_stranger({"--flood"}, 1.5), 0.02);
   EXPECT_LT(bear_stranger({"--noise"}, 1.5), 0.02);

@@ -50,7 +50,7 @@ int main(int argc, char** argv) {
   std::string own, other, session, hand = "haptic0";
   int domain = 77;
   double seconds = 2.0;
-  bool noise = false, flood = false, foreign_version = false, foreign_layout = false;
+  bool noise = false, flood = false, foreign_version = false, foreign_layout = false, foreign_session = false;
   root.option("--own", own, "Its address").required();
   root.option("--other", other, "The address that it speaks to").required();
   root.option("--session", session, "What it says it belongs to").required();
@@ -59,6 +59,7 @@ int main(int argc, char** argv) {
   root.flag("--flood", flood, "Packets without a pause instead of one in a millisecond");
   root.flag("--foreign-version", foreign_version, "Of another version");
   root.flag("--foreign-layout", foreign_layout, "With other messages");
+  root.flag("--foreign-session", foreign_session, "Of another session");
   if (const std::optional<int> status = line.parse(argc, argv)) return *status;
   const auto duration_ns = rtbus::ns_of(seconds);
   if (noise) {
@@ -73,9 +74,9 @@ int main(int argc, char** argv) {
   link_dds::PeerHello hello;
   hello.version = foreign_version ? link_dds::kVersion + 1 : link_dds::kVersion;
   hello.layout = foreign_layout ? 1 : link_dds::layout();
-  hello.life = kLife + (foreign_version ? 1 : 0) + (foreign_layout ? 2 : 0);
+  hello.life = kLife + (foreign_version ? 1 : 0) + (foreign_layout ? 2 : 0) + (foreign_session ? 4 : 0);
   hello.supervisor = hello.life;
-  hello.session = session;
+  hello.session = foreign_session ? session + "x" : session;
   hello.nodes = {"physics"};
   auto stream = wire->writer("rtbus_link/" + session + "/" + hand + "/answer", false);
   if (!stream) return 1;
