@@ -1,7 +1,9 @@
 // force_over_dds: prints the force on the hand of a session that runs with `bridge: {}`, ten times a second. Fast DDS
 // alone: neither rtbus nor ROS 2 is needed where this runs. Build it with -lfastrtps (Fast DDS 2, libfastrtps-dev).
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,7 @@
 #include <fastdds/dds/topic/TypeSupport.hpp>
 
 namespace dds = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastrtps::rtps;
 
 /// geometry_msgs/WrenchStamped as it travels: stamp, name of the frame, force, torque. Plain CDR, little endian.
 struct Wrench {
@@ -26,7 +29,7 @@ class WrenchType : public dds::TopicDataType {
     m_typeSize = 1024;
     m_isGetKeyDefined = false;
   }
-  bool deserialize(SerializedPayload_t* from, void* to) override {
+  bool deserialize(rtps::SerializedPayload_t* from, void* to) override {
     std::uint32_t characters = 0;  // of the frame's name, with its NUL: behind 4 bytes of encapsulation, 8 of stamp
     if (from->length < 16) return false;
     std::memcpy(&characters, from->data + 12, sizeof characters);
@@ -35,13 +38,13 @@ class WrenchType : public dds::TopicDataType {
     std::memcpy(static_cast<Wrench*>(to)->force_n, from->data + force, 3 * sizeof(double));
     return true;
   }
-  bool serialize(void*, SerializedPayload_t*) override { return false; }  // it only reads
+  bool serialize(void*, rtps::SerializedPayload_t*) override { return false; }  // it only reads
   std::function<std::uint32_t()> getSerializedSizeProvider(void*) override {
     return [] { return 0u; };
   }
   void* createData() override { return new Wrench; }
   void deleteData(void* data) override { delete static_cast<Wrench*>(data); }
-  bool getKey(void*, InstanceHandle_t*, bool) override { return false; }
+  bool getKey(void*, rtps::InstanceHandle_t*, bool) override { return false; }
 };
 
 int main(int argc, char** argv) {
@@ -58,7 +61,7 @@ int main(int argc, char** argv) {
   Wrench wrench;
   dds::SampleInfo info;
   for (unsigned count = 0; reader->wait_for_unread_message({30, 0});) {
-    while (reader->take_next_sample(&wrench, &info) == ReturnCode_t::RETCODE_OK) {
+    while (reader->take_next_sample(&wrench, &info) == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK) {
       if (!info.valid_data || count++ % 10 != 0) continue;  // of 100 in a second
       std::printf("%+.3f %+.3f %+.3f N\n", wrench.force_n[0], wrench.force_n[1], wrench.force_n[2]);
       std::fflush(stdout);
