@@ -15,14 +15,14 @@
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
 
-namespace dds = eprosima::fastdds::dds;
+namespace fast = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;
 
 /// geometry_msgs/WrenchStamped as it travels: stamp, name of the frame, force, torque. Plain CDR, little endian.
 struct Wrench {
   double force_n[3] = {};
 };
-class WrenchType : public dds::TopicDataType {
+class WrenchType : public fast::TopicDataType {
  public:
   WrenchType() {
     setName("geometry_msgs::msg::dds_::WrenchStamped_");
@@ -49,17 +49,17 @@ class WrenchType : public dds::TopicDataType {
 
 int main(int argc, char** argv) {
   const std::string node = argc > 1 ? argv[1] : "haptic0";
-  dds::DomainParticipant* const participant =
-      dds::DomainParticipantFactory::get_instance()->create_participant(0, dds::PARTICIPANT_QOS_DEFAULT);
-  dds::TypeSupport type(new WrenchType);
+  fast::DomainParticipant* const participant =
+      fast::DomainParticipantFactory::get_instance()->create_participant(0, fast::PARTICIPANT_QOS_DEFAULT);
+  fast::TypeSupport type(new WrenchType);
   type.register_type(participant);
-  dds::Topic* const topic =
-      participant->create_topic("rt/" + node + "/wrench", type->getName(), dds::TOPIC_QOS_DEFAULT);
-  dds::Subscriber* const subscriber = participant->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
-  dds::DataReader* const reader = subscriber->create_datareader(topic, dds::DATAREADER_QOS_DEFAULT);
+  fast::Topic* const topic =
+      participant->create_topic("rt/" + node + "/wrench", type->getName(), fast::TOPIC_QOS_DEFAULT);
+  fast::Subscriber* const subscriber = participant->create_subscriber(fast::SUBSCRIBER_QOS_DEFAULT);
+  fast::DataReader* const reader = subscriber->create_datareader(topic, fast::DATAREADER_QOS_DEFAULT);
   if (reader == nullptr) return 1;
   Wrench wrench;
-  dds::SampleInfo info;
+  fast::SampleInfo info;
   for (unsigned count = 0; reader->wait_for_unread_message({30, 0});) {
     while (reader->take_next_sample(&wrench, &info) == eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK) {
       if (!info.valid_data || count++ % 10 != 0) continue;  // of 100 in a second

@@ -279,7 +279,10 @@ TEST_F(LinkSession, AFreeBlockIsPushedAndAnEstopThereStopsTheHandHere) {
                         "-n", "1", "--json"},
                        out);
     echo.wait();
-    const nlohmann::json sample = nlohmann::json::parse(text_of(out), nullptr, false);
+    std::string line = text_of(out);  // beside what it says on stderr
+    line.erase(0, std::min(line.find('{'), line.size()));
+    line.resize(std::min(line.find('\n'), line.size()));
+    const nlohmann::json sample = nlohmann::json::parse(line, nullptr, false);
     double least = 0.0;  // of all bodies: only the block moves, along -z
     if (sample.is_object() && sample.contains("position_m")) {
       const nlohmann::json& xyz = sample["position_m"];  // of one body after the other

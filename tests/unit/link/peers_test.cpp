@@ -142,7 +142,9 @@ TEST(LinkClock, TimesOfAnotherMachineAreNeverInTheFutureAndKeepTheirDistances) {
       now_ns = std::max(now_ns, measured_ns + 20 * kMs + random() % (6 * kMs));
       const std::uint64_t here_ns = shift.here(measured_ns + static_cast<std::uint64_t>(offset_ns), now_ns);
       EXPECT_LE(here_ns, now_ns);
-      if (i > 200) EXPECT_NEAR(static_cast<double>(here_ns - before_ns), 1e6, 0.5e6);
+      if (i > 200) {
+        EXPECT_NEAR(static_cast<double>(here_ns - before_ns), 1e6, 0.5e6);
+      }
       before_ns = here_ns;
     }
   }
