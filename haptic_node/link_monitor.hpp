@@ -13,12 +13,27 @@ namespace haptic {
 
 struct LinkMonitorConfig {
   double loss_timeout_s = 0.055;  ///< A heartbeat (every 20 ms) older than this: the process is dead or stopped.
-  double min_step_age_s = 0.1;    ///< A hung engine: older than max(this, 2.5 × declared period + step time) …
-  double max_step_age_s = 10.0;   ///< … or than this, whatever physics declares.
+  double min_step_age_s = 0.1;  ///< A hung engine: older than max(this, step_periods × declared period + step time) …
+  double step_periods = 2.5;    ///< Of what is declared.
+  double max_step_age_s = 10.0;  ///< … or than this, whatever physics declares.
   /// Answers to samples that are older than max(this, twice the age limit of a step) are none: slow physics, whose
   /// answers are two periods and a step old, stays far below it, and so does a link of 0.2 s each way.
   double min_answer_age_s = 0.5;
 };
+
+/// The same limits where physics is at the other end of a network, which loses some of what it carries. What arrives
+/// is stamped on arrival, so a delay that stays the same makes nothing older; what a round trip adds is the age of the
+/// hand that an answer belongs to, and at worst a gap as long as itself.
+/// @param round_trip_s The longest of the network.
+[[nodiscard]] inline LinkMonitorConfig across_network(LinkMonitorConfig config, double round_trip_s) noexcept {
+  constexpr double kSureBeats_s = 0.2;   // ten heartbeats; where 30 % are lost, all ten about once an hour
+  constexpr double kSurePeriods = 10.0;  // likewise of answers
+  config.loss_timeout_s = kSureBeats_s + 0.5 * round_trip_s;
+  config.min_step_age_s = std::max(config.min_step_age_s, kSureBeats_s + 0.5 * round_trip_s);
+  config.min_answer_age_s += 2.0 * round_trip_s;
+  config.step_periods = kSurePeriods;
+  return config;
+}
 
 /// Judges the age of the heartbeat and of the last step. A slow engine with a live heartbeat is not lost.
 /// @realtime Yes, all of it.
@@ -63,9 +78,9 @@ class LinkMonitor {
   }
 
   [[nodiscard]] double step_age_limit_s() const noexcept RTBUS_NONBLOCKING {
-    return std::clamp(
-        2.5 * static_cast<double>(beat_.work_period_ns) * 1e-9 + static_cast<double>(beat_.work_compute_ns) * 1e-9,
-        config_.min_step_age_s, config_.max_step_age_s);
+    return std::clamp(config_.step_periods * static_cast<double>(beat_.work_period_ns) * 1e-9 +
+                          static_cast<double>(beat_.work_compute_ns) * 1e-9,
+                      config_.min_step_age_s, config_.max_step_age_s);
   }
   [[nodiscard]] std::uint64_t losses() const noexcept { return losses_; }
   [[nodiscard]] std::uint64_t last_loss_ns() const noexcept { return last_loss_ns_; }
