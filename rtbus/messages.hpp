@@ -435,7 +435,7 @@ struct SampleTraits<PlantState> {
                                       RTBUS_FIELD(T, buttons, "bits"),          RTBUS_FIELD(T, timed_out, "bool")};
 };
 
-static_assert(sizeof(DeviceState) == 552 && Sample<DeviceState>);
+static_assert(sizeof(DeviceState) == 560 && Sample<DeviceState>);
 static_assert(sizeof(ProxyState) == 232 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 552 && Sample<NodeInfo>);

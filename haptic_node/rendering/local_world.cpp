@@ -12,9 +12,12 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// An answer is good for its period, which has one more to go until the next must be here, and a little more.
+/// An answer is good for its period, which has one more to go until the next must be here, and a little more. One that
+/// was long under way is good for half as long again: where delays are long they vary, and answers get lost, and a body
+/// that has gone on for that long without news may do so a little longer.
 constexpr double kGoodFor = 1.5;
 constexpr double kGoodBesides_s = 3e-3;
+constexpr double kGoodForAge = 0.5;
 
 /// Rows of bodies that are not soft: they come first.
 std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
@@ -35,7 +38,7 @@ std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
 void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   proxy_ = {proxy_m, Vector3d::Zero(), proxy_.radius_m};
   impulse_n_s_.setZero();
-  work_j_ = 0.0;
+  work_j_ = lifted_j_ = 0.0;
   for (LocalBody& body : bodies_) body.used = false;
   contacts_.reset();
   supports_.count = push_count_ = 0;
@@ -47,8 +50,10 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
 }
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
-  good_until_ns_ = now_ns + static_cast<std::uint64_t>((kGoodFor * answer.step_s + kGoodBesides_s) * 1e9);
-  const double history_ns = kHistorySteps * answer.step_s * 1e9;
+  const double age_s = answer.device_time_ns < now_ns ? rtbus::seconds_between(answer.device_time_ns, now_ns) : 0.0;
+  const double good_s = std::max(kGoodFor * answer.step_s + kGoodBesides_s, kGoodForAge * age_s);
+  good_until_ns_ = now_ns + static_cast<std::uint64_t>(good_s * 1e9);
+  const double history_ns = std::max(kHistorySteps * answer.step_s, kHistoryAges * age_s) * 1e9;
   given_apart_ns_ = static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords);
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
@@ -285,9 +290,13 @@ void LocalWorld::book(std::uint64_t began_ns) noexcept {
     if (!contact.felt()) continue;
     give(contact.body, contact.impulse_n_s, contact.from_centre_m, began_ns);
     const LocalBody& body = bodies_[contact.body];
-    if (body.as<DrivenBody>() != nullptr) {
-      work_j_ += contact.impulse_n_s.dot(body.motion.velocity_at(contact.from_centre_m));
-    }
+    if (body.as<DrivenBody>() == nullptr) continue;
+    work_j_ += contact.impulse_n_s.dot(body.motion.velocity_at(contact.from_centre_m));
+    // Where it comes to its place nobody works: a hand that it lifts gets what it has, and nothing besides. What was
+    // taken to be higher than it is gives back what it was counted to have done.
+    lifted_j_ += contact.impulse_n_s.dot(contact.normal) * (contact.blend_m_s + contact.normal.dot(contact.late_m_s));
+    work_j_ += std::min(0.0, lifted_j_);
+    lifted_j_ = std::max(0.0, lifted_j_);
   }
   if (!any_yields_) return;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {

@@ -86,8 +86,9 @@ class LocalWorld {
  private:
   static constexpr std::size_t kMostPushes = ProxyContactSet::kSolved + SpringHistory::kPlaces;
   static constexpr std::size_t kMostRows = kMostPushes + SupportPool::kSupports;
-  /// So many steps of physics are kept of what was given: an answer is at most two old.
-  static constexpr double kHistorySteps = 2.5;
+  /// So many steps of physics are kept of what was given, or so many ages of an answer, which over a network is older
+  /// than the two steps that it is at most without one.
+  static constexpr double kHistorySteps = 2.5, kHistoryAges = 1.25;
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   void take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigid_rows, std::uint64_t now_ns,
@@ -107,6 +108,7 @@ class LocalWorld {
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   double work_j_ = 0.0;
+  double lifted_j_ = 0.0;  ///< By corrections of where kinematic bodies are, less what corrections gave back.
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
   std::uint64_t good_until_ns_ = 0;
   std::uint64_t now_ns_ = 0;

@@ -88,6 +88,8 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
   for (std::size_t i = 0; i < session.haptic.size(); ++i) {
     haptic::HapticConfig settings = haptic::read_haptic_config(session, i);
     settings.safety.passivity.control = settings.safety.passivity.control && options.passivity;
+    settings.safety.passivity.bounds = options.energy_bound;
+    settings.safety.passivity.damps = options.energy_damper;
     if (options.network.exists()) {
       settings.link = haptic::across_network(settings.link, longest_round_trip_s(options.network));
     }

@@ -32,6 +32,8 @@ struct HarnessOptions {
   double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
   bool passivity = true;            ///< False: energy is observed, not controlled, for comparison.
+  bool energy_bound = true;         ///< False: the controller's damper alone, likewise.
+  bool energy_damper = true;        ///< False: the bound of the force alone, likewise.
   bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
   double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
   double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.

@@ -28,9 +28,10 @@ void evaluate_network(const NetworkExperiment& options, Experiment& experiment);
 struct NetworkMethod {
   const char* name;    ///< In tables.
   const char* method;  ///< Of the session.
-  bool controls;       ///< Energy is controlled, not only observed.
+  bool bounds, damps;  ///< Parts of the energy's control (StabilityCase).
+  bool both() const noexcept { return bounds && damps; }
 };
-/// The law alone, and both methods as a session gets them.
+/// The law of remote coupling alone, with each part of the energy's control, and both methods as a session gets them.
 [[nodiscard]] const std::vector<NetworkMethod>& network_methods();
 
 /// A cell of the grid: the case, and the same without a network.

@@ -264,7 +264,9 @@ HarnessOptions link_of(const StabilityCase& each) {
   out.lost_share = each.lost_share;
   out.link_seed = each.seed + 1;
   out.network = each.network;
-  out.passivity = each.passivity;
+  out.passivity = each.bounds || each.damps;
+  out.energy_bound = each.bounds;
+  out.energy_damper = each.damps;
   const double middle_s = each.start_s() + 0.25;
   if (each.loop_pause_s > 0.0) {
     out.loop_stops_s = middle_s;

@@ -72,8 +72,8 @@ struct StabilityCase {
   double phase = 0.0;      ///< Of physics against the loop, in its periods.
   double jitter_s = 0.0;
   double lost_share = 0.0;
-  NetworkOptions network;  ///< Between the nodes; by itself none.
-  bool passivity = true;   ///< False: energy is observed, not controlled.
+  NetworkOptions network;            ///< Between the nodes; by itself none.
+  bool bounds = true, damps = true;  ///< Parts of the energy's control; neither: it is observed only.
   double loop_pause_s = 0.0;
   double physics_pause_s = 0.0;
   int solver_iterations = 10;  ///< Of bullet. In the envelope of the second generation StabilityEnvelope::kIterations.
