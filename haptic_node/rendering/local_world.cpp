@@ -18,6 +18,8 @@ using Eigen::Vector3d;
 constexpr double kGoodFor = 1.5;
 constexpr double kGoodBesides_s = 3e-3;
 constexpr double kGoodForAge = 0.5;
+/// An answer that is older than so many steps has come over a network.
+constexpr double kNetworkSteps = 3.0;
 
 /// Rows of bodies that are not soft: they come first.
 std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
@@ -47,6 +49,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   any_yields_ = false;
   shapes_.forget_names();
   good_until_ns_ = 0;
+  clock_.forget();
 }
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
@@ -55,6 +58,10 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   good_until_ns_ = now_ns + static_cast<std::uint64_t>(good_s * 1e9);
   const double history_ns = std::max(kHistorySteps * answer.step_s, kHistoryAges * age_s) * 1e9;
   given_apart_ns_ = static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords);
+  // Without a network samples and steps keep in step.
+  const double after_s = clock_.sample_after_world_s(answer.step_index, answer.step_s, answer.device_time_ns);
+  networked_ = age_s > kNetworkSteps * answer.step_s;
+  world_before_s_ = networked_ ? after_s : 0.0;
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
   contacts_.remember(bodies_, proxy_);
@@ -133,7 +140,7 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigi
   if (answer.device_time_ns < now_ns) {
     const double ticks = std::ceil(rtbus::seconds_between(answer.device_time_ns, now_ns) / tick_s_ - 0.1);
     const int most = std::min(static_cast<int>(std::min(1e3, ticks)), kReplayRows / std::max(1, rows));
-    parts = std::clamp(most, 1, kReplayParts);
+    parts = std::clamp(most, 1, networked_ ? kNetworkParts : kReplayParts);
   }
   std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
   supports_.count = 0;
@@ -154,7 +161,8 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     given_[slot].forget();
   }
   body.used = body.named = true;
-  const SinceAnswer since{answer.device_time_ns, now_ns, parts, tick_s_, given_[slot], body.given, rows_.data()};
+  const SinceAnswer since{answer.device_time_ns, now_ns,          parts,     tick_s_, given_[slot], body.given,
+                          rows_.data(),          world_before_s_, networked_};
   const Impulse then = since.given_at(since.from_ns);
   body.blend_s = std::max(blend::kLeast_s, blend::kSteps * answer.step_s);
   Quaterniond turned = Quaterniond::Identity();

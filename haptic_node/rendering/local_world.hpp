@@ -17,6 +17,7 @@
 #include "haptic_node/rendering/local_body.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
 #include "haptic_node/rendering/static_shapes.hpp"
+#include "haptic_node/rendering/world_clock.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/shapes/standing_shape.hpp"
@@ -50,6 +51,7 @@ class LocalWorld {
   static constexpr int kRowSweeps = 100;  ///< Rows times sweeps of a step, about: what bounds its time.
   static constexpr double kHandSpeed_s = 0.02;
   static constexpr int kReplayParts = 8;    ///< At most, from the instant of an answer to now …
+  static constexpr int kNetworkParts = 64;  ///< … over a network …
   static constexpr int kReplayRows = 100;   ///< … and parts times rows of all bodies, about.
   static constexpr double kBrake_s = 0.01;  ///< Without answers bodies come to rest in about three times that.
 
@@ -111,6 +113,9 @@ class LocalWorld {
   double lifted_j_ = 0.0;  ///< By corrections of where kinematic bodies are, less what corrections gave back.
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about kHandSpeed_s.
   std::uint64_t good_until_ns_ = 0;
+  WorldClock clock_;
+  bool networked_ = false;       ///< The last answer came over a network.
+  double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
   std::uint64_t now_ns_ = 0;
   double tick_s_ = 1e-3;  ///< Of the last step.
 

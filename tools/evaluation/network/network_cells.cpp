@@ -20,7 +20,7 @@ StabilityCase cell_of(const NetworkMethod& method, const NetworkOptions& network
   out.stiffness_n_per_m = kStiffness;
   out.damping_n_s_per_m = kDamping;
   out.physics_hz = 100.0;
-  out.friction = 0.2;
+  out.friction = 0.316;  // squared, that of block and floor: 0.1, as in config/free_block.yaml
   out.speed_m_s = 0.05;
   out.solver_iterations = StabilityEnvelope::kIterations;
   out.network = network;
