@@ -178,6 +178,9 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     turned = free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
     if (free.rocks()) body.blend_s = std::max(blend::kRockLeast_s, blend::kPileSteps * answer.step_s);
   }
+  if (networked_ && body.as<FreeBody>() != nullptr) {
+    body.blend_s = std::max(body.blend_s, blend::kNetworkAges * since.seconds());
+  }
   body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};
   return turned;
 }
