@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 constexpr double kGoodFor = 1.5;
 constexpr double kGoodBesides_s = 3e-3;
 constexpr double kGoodForAge = 0.5;
-/// An answer that is older than so many steps has come over a network.
-constexpr double kNetworkSteps = 3.0;
+/// An answer that is older than so many steps and so much more has come over a network.
+constexpr double kNetworkSteps = 3.0, kNetwork_s = 10e-3;
 
 /// Rows of bodies that are not soft: they come first.
 std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
@@ -54,13 +54,14 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
   const double age_s = answer.device_time_ns < now_ns ? rtbus::seconds_between(answer.device_time_ns, now_ns) : 0.0;
-  const double good_s = std::max(kGoodFor * answer.step_s + kGoodBesides_s, kGoodForAge * age_s);
+  networked_ = age_s > kNetworkSteps * answer.step_s + kNetwork_s;
+  const double network_s = networked_ ? age_s : 0.0;
+  const double good_s = std::max(kGoodFor * answer.step_s + kGoodBesides_s, kGoodForAge * network_s);
   good_until_ns_ = now_ns + static_cast<std::uint64_t>(good_s * 1e9);
-  const double history_ns = std::max(kHistorySteps * answer.step_s, kHistoryAges * age_s) * 1e9;
+  const double history_ns = std::max(kHistorySteps * answer.step_s, kHistoryAges * network_s) * 1e9;
   given_apart_ns_ = static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords);
   // Without a network samples and steps keep in step.
   const double after_s = clock_.sample_after_world_s(answer.step_index, answer.step_s, answer.device_time_ns);
-  networked_ = age_s > kNetworkSteps * answer.step_s;
   world_before_s_ = networked_ ? after_s : 0.0;
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
