@@ -54,7 +54,7 @@ struct EvaluateOptions {
   int jobs = 0;           ///< 0: one per core.
   bool no_maps = false;
   std::size_t sweep = 0;  ///< Of network: seeded cases instead of the grid.
-  std::string seeds;  ///< A file with one number at the beginning of each line.
+  std::string seeds;      ///< A file with one number at the beginning of each line.
   std::optional<std::uint64_t> one_case;
   double minutes = 1.0;           ///< Of soak.
   std::uint64_t soak_seed = 1;    ///< Likewise.

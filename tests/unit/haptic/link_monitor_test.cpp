@@ -56,8 +56,8 @@ TEST(LinkMonitor, WaitsForASlowEngine) {
   EXPECT_FALSE(monitor.update(1660 * rtbus::kNsPerMs));
 }
 
-// 500 ms there and back, 30 % lost: gaps of 150 ms are normal, and so are answers to a hand of 0.6 s ago. A process that
-// is gone is lost all the same.
+// 500 ms there and back, 30 % lost: gaps of 150 ms are normal, and so are answers to a hand of 0.6 s ago. A process
+// that is gone is lost all the same.
 TEST(LinkMonitor, BearsANetworkThatItKnows) {
   const haptic::LinkMonitorConfig config = haptic::across_network({}, 0.5);
   LinkMonitor near({}), far(config);

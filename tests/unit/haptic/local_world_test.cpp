@@ -272,8 +272,8 @@ TEST_F(LocalWorldTest, ABodyWithoutItsSupportsDoesNotCarryTheHandAway) {
   EXPECT_LT(world->position_m().x(), 0.001) << "0.35 m/s would be 14 mm";
 }
 
-// An answer that is long under way says what a plate did then. What it was taken to have risen too far by, it gives back
-// when that is put right; what an answer lifts the hand by is nobody's work.
+// An answer that is long under way says what a plate did then. What it was taken to have risen too far by, it gives
+// back when that is put right; what an answer lifts the hand by is nobody's work.
 TEST_F(LocalWorldTest, GivesNoWorkForAPlateThatAnAnswerPutsElsewhere) {
   const auto plate = [&](double x_m, double velocity_m_s) {
     ProxyContacts answer = body(x_m, velocity_m_s, now_ns);

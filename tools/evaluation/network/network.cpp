@@ -86,12 +86,14 @@ std::vector<StabilityResult> run_grid(const std::vector<NetworkGridCell>& cells,
     return out;
   };
   std::vector<StabilityResult> results(cells.size());
+  const std::size_t tell_every = std::max<std::size_t>(cells.size() / 10, 1);  // where no bar is drawn
   std::size_t done = 0;
   const bool whole = run_cases(cells.size(), jobs_of(options), work, [&](const StabilityResult& result) {
     results[result.index] = result;
     ++done;
-    progress.show_share(static_cast<double>(done) / static_cast<double>(cells.size()),
-                        std::to_string(done) + " of " + std::to_string(cells.size()) + " cells");
+    const std::string told = std::to_string(done) + " of " + std::to_string(cells.size()) + " cells";
+    progress.show_share(static_cast<double>(done) / static_cast<double>(cells.size()), told);
+    if (done % tell_every == 0) progress.log(told);
   });
   progress.clear();
   if (!whole) throw std::runtime_error("interrupted after " + std::to_string(done) + " cells");
@@ -189,7 +191,8 @@ int jobs_of(const NetworkExperiment& options) {
 
 void evaluate_network(const NetworkExperiment& options, Experiment& experiment) {
   if (options.sweep > 0) return sweep_networks(options, experiment);
-  RunProgress progress(::isatty(STDERR_FILENO) == 1, false);
+  const bool terminal = ::isatty(STDERR_FILENO) == 1;
+  RunProgress progress(terminal, !terminal);
   const std::vector<NetworkGridCell> cells = grid(options.quick);
   const std::vector<StabilityResult> results = run_grid(cells, options, progress);
   experiment.add_table(table_of(cells, results));

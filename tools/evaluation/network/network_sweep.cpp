@@ -58,10 +58,12 @@ void write_rows(const std::filesystem::path& file, const std::vector<StabilityCa
 }  // namespace
 
 void sweep_networks(const NetworkExperiment& options, Experiment& experiment) {
-  RunProgress progress(::isatty(STDERR_FILENO) == 1, false);
+  const bool terminal = ::isatty(STDERR_FILENO) == 1;
+  RunProgress progress(terminal, !terminal);
   std::vector<StabilityCase> cases;
   for (std::size_t i = 0; i < options.sweep; ++i) cases.push_back(draw_network_case(options.first_seed + i));
   std::vector<StabilityResult> results(cases.size());
+  const std::size_t tell_every = std::max<std::size_t>(cases.size() / 20, 1);  // where no bar is drawn
   std::size_t done = 0;
   const bool whole = run_cases(
       cases.size(), jobs_of(options),
@@ -69,8 +71,9 @@ void sweep_networks(const NetworkExperiment& options, Experiment& experiment) {
       [&](const StabilityResult& result) {
         results[result.index] = result;
         ++done;
-        progress.show_share(static_cast<double>(done) / static_cast<double>(cases.size()),
-                            std::to_string(done) + " of " + std::to_string(cases.size()) + " cases");
+        const std::string told = std::to_string(done) + " of " + std::to_string(cases.size()) + " cases";
+        progress.show_share(static_cast<double>(done) / static_cast<double>(cases.size()), told);
+        if (done % tell_every == 0) progress.log(told);
       });
   progress.clear();
   if (!whole) throw std::runtime_error("interrupted after " + std::to_string(done) + " cases");

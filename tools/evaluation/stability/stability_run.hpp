@@ -33,8 +33,8 @@ inline constexpr double kDeficitBarS = 0.05;
 struct TruthError {
   double force_rms_n = 0.0, force_peak_n = 0.0;
   double position_rms_m = 0.0, position_peak_m = 0.0;
-  double drift_m = 0.0;  ///< Of the tip at the end.
-  double given_j = 0.0;  ///< Most that the hand had received, all in all, at any time.
+  double drift_m = 0.0;         ///< Of the tip at the end.
+  double given_j = 0.0;         ///< Most that the hand had received, all in all, at any time.
   double drag_n_s_per_m = 0.0;  ///< Of a move in free air.
 };
 
