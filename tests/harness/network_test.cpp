@@ -22,12 +22,12 @@ using tools::StabilityResult;
 using tools::StabilityTask;
 using tools::StabilityTick;
 
-const std::string kSession = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml";
+const std::string kWall = std::string(RTBUS_SOURCE_DIR) + "/config/wall.yaml";
 
 rtbus::config::SessionConfig session(const std::vector<std::string>& assignments = {}) {
   std::vector<rtbus::config::Override> overrides;
   for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
-  return rtbus::config::load_session(kSession, overrides);
+  return rtbus::config::load_session(kWall, overrides);
 }
 
 std::uint64_t hash_of(const HarnessOptions& options, const char* method) {
@@ -204,10 +204,10 @@ TEST(Network, LocalContactFeelsWallAndBlockAsWithoutOne) {
   for (const StabilityTask task : tasks) {
     std::vector<StabilityTick> truth, run;
     const tools::StabilityCase without = network_cell(local, task, {});
-    ASSERT_NE(tools::run_case(without, kSession, {}, false, &truth).outcome, StabilityOutcome::kFailed);
+    ASSERT_NE(tools::run_case(without, kWall, {}, false, &truth).outcome, StabilityOutcome::kFailed);
     const tools::StabilityCase behind =
         network_cell(local, task, {.round_trip_s = 0.2, .jitter_share = 0.3, .lost_share = 0.1});
-    const StabilityResult result = tools::run_case(behind, kSession, {}, false, &run);
+    const StabilityResult result = tools::run_case(behind, kWall, {}, false, &run);
     EXPECT_NE(result.outcome, StabilityOutcome::kDiverged);
     EXPECT_GT(result.age_p50_s, 0.15);
     const tools::TruthError error = tools::compare_runs(run, truth, behind.start_s());
@@ -225,7 +225,7 @@ TEST(Network, NoneOfAFewSeededCasesDiverges) {
 #if !RTBUS_WITH_BULLET
     if (each.moves_bodies()) continue;
 #endif
-    const StabilityResult result = tools::run_case(each, kSession, {});
+    const StabilityResult result = tools::run_case(each, kWall, {});
     EXPECT_TRUE(result.outcome != StabilityOutcome::kDiverged && result.outcome != StabilityOutcome::kFailed)
         << describe(each) << ": " << to_string(result.outcome) << ' ' << result.error;
     EXPECT_GE(result.lowest_observed_j, result.deficit_bar_j()) << describe(each);

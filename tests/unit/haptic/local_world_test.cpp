@@ -298,7 +298,7 @@ TEST_F(LocalWorldTest, GivesNoWorkForAPlateThatAnAnswerPutsElsewhere) {
   EXPECT_GT(risen_j, 0.5e-3);
   world->take(plate(0.0, 0.0), now_ns);  // … and has never done so
   wait(150);
-  EXPECT_LT(work_j, 0.35 * risen_j) << "and what it pushed the hand with on its way is not given back by its way down";
+  EXPECT_LT(work_j, 0.35 * risen_j) << "the rise is given back";
   const double before_j = work_j;
   world->take(plate(0.5e-3, 0.0), now_ns);
   wait(150);
