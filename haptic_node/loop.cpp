@@ -181,6 +181,7 @@ void Loop::describe_hand(const drivers::DeviceSample& sample, const Eigen::Vecto
   state_.sample_time_ns = sample.time_ns;
   state_.buttons = sample.buttons;
   state_.gripper_m = sample.gripper_m;
+  state_.answer_age_s = proxy_.valid ? 1e-9 * static_cast<double>(behind_hand(proxy_.device_time_ns)) : 0.0;
   state_.mapping_epoch = mapping_.epoch();
   state_.enabled = enabled ? 1 : 0;
 }

@@ -79,7 +79,7 @@ Eigen::Vector3d Passivity::limit(const Eigen::Vector3d& force_n, double stored_n
   acted = false;
   const double norm = force_n.norm();
   const double twice_stiffness = 2.0 * config_.stiffness_n_per_m;
-  if (!config_.control || twice_stiffness <= 0.0 || norm <= 0.0) return force_n;
+  if (!config_.control || !config_.bounds || twice_stiffness <= 0.0 || norm <= 0.0) return force_n;
   // A force against the motion takes energy in, so it needs none.
   const double against = std::max(0.0, -force_n.dot(velocity_m_s) / norm - config_.noise_speed_m_s);
   const double limit_n =
@@ -101,7 +101,7 @@ Eigen::Vector3d Passivity::control(const Eigen::Vector3d& force_n, const Eigen::
                                    bool& acted) noexcept {
   acted = false;
   const double speed_squared = velocity_m_s.squaredNorm();
-  if (!config_.control || observed_j_ >= 0.0 || speed_squared <= 0.0) return force_n;
+  if (!config_.control || !config_.damps || observed_j_ >= 0.0 || speed_squared <= 0.0) return force_n;
   // α = −E/(T·v²) would remove the deficit within this tick. The upper limit spreads it when v is small, and grows with
   // the deficit, so that E around zero does not switch a force on and off.
   const double damping = std::min(-observed_j_ / (dt_s * speed_squared),

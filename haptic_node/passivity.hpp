@@ -14,6 +14,8 @@ namespace haptic {
 
 struct PassivityConfig {
   bool control = true;           ///< False: energy is observed and published, not controlled.
+  bool bounds = true;            ///< limit() acts; false for comparison.
+  bool damps = true;             ///< The damper acts; false for comparison.
   double deficit_floor_j = 0.0;  ///< Least bound of the deficit, whatever energy_cap_j is.
   double energy_cap_j =
       0.0;  ///< Largest observed energy: that of the coupling at its force limit. Bounds the deficit too.

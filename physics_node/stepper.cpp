@@ -60,6 +60,7 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   link.wants_contacts = (device.wants & rtbus::kWantsContacts) != 0;
   link.owns_proxy = (device.wants & rtbus::kOwnsProxy) != 0;
   take_hand_impulses(link, device, begins);
+  link.answer_age_s = std::max(device.answer_age_s, begins ? 0.0 : kAgeKept * link.answer_age_s);
   link.position_scale = device.position_scale;
   link.mapping_epoch = device.mapping_epoch;
   link.device_sequence = sequence;
@@ -136,7 +137,7 @@ double Stepper::contact_radius_m(std::size_t proxy) const {
   const double speed_m_s = std::max({world_->proxy(proxy).velocity_m_s.norm(), link.target.velocity_m_s.norm(),
                                      kHandSpeed_m_s * link.position_scale}) +
                            kFall_m_s2 * link.position_scale * step_s_;
-  return std::max(kRestRadius_m * link.position_scale, 2.0 * step_s_ * speed_m_s);
+  return std::max(kRestRadius_m * link.position_scale, std::max(2.0 * step_s_, link.answer_age_s) * speed_m_s);
 }
 
 void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {

@@ -73,10 +73,12 @@ class Stepper {
   /// The same for observers.
   void contact_points(std::size_t proxy, rtbus::ContactPoints& out);
 
-  /// How far the proxy can move in two steps, until the next answer is in use: at the largest of its own speed, its
-  /// target's and kHandSpeed_m_s of the device, plus free fall; at least kRestRadius_m of the device.
+  /// How far the proxy can move until the next answer is in use, in two steps or the age that answers had lately,
+  /// whichever is longer: at the largest of its own speed, its target's and kHandSpeed_m_s of the device, plus free
+  /// fall; at least kRestRadius_m of the device.
   static constexpr double kHandSpeed_m_s = 0.2, kFall_m_s2 = 9.81;
   static constexpr double kRestRadius_m = 1e-3;
+  static constexpr double kAgeKept = 0.99;
   [[nodiscard]] double contact_radius_m(std::size_t proxy) const;
 
   [[nodiscard]] std::size_t proxies() const noexcept { return links_.size(); }
@@ -116,6 +118,7 @@ class Stepper {
     bool silent = true;      // has not spoken yet, or not since release()
     bool enabled = false;
     bool wants_contacts = false;
+    double answer_age_s = 0.0;  // the largest of late: kAgeKept of it is left after a step
     double position_scale = 1.0;
     std::uint32_t mapping_epoch = 0;
     std::uint64_t device_sequence = 0;

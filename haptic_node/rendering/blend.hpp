@@ -24,6 +24,12 @@ struct Blend {
   [[nodiscard]] static Blend of_rocking(const Tuning& tuning, double step_s) noexcept {
     return {std::max(tuning.noise_s, tuning.slow_blend_periods * step_s)};
   }
+  /// Over a network, with a body that the hand pushes. Jitter makes the world take the hand's impulses unevenly, so a
+  /// body is now a little ahead and now a little behind; what the hand does about it comes back a round trip later.
+  /// @param age_s Of the answer.
+  [[nodiscard]] Blend over_network(double age_s) const noexcept { return {std::max(seconds, kNetworkAges * age_s)}; }
+  static constexpr double kNetworkAges = 3.0;
+
   /// What is brought in within a step, as a share of what is left.
   [[nodiscard]] double share(double h) const noexcept { return -std::expm1(-h / seconds); }
 };

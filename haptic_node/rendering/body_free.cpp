@@ -17,6 +17,8 @@ constexpr std::uint32_t kPatchPoints = 3;
 /// Friction of a patch resists spin with its bound at this many radii of gyration: of a square plate its four corners
 /// are √3 as far from the middle.
 constexpr double kPatchRadius = std::numbers::sqrt3;
+/// What goes slower than this, in either way, stands still.
+constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
@@ -138,8 +140,14 @@ void FreeBody::stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion&
 }
 
 Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept {
-  Impulse before = since.given_at(since.from_ns);
-  const double h = since.seconds() / since.parts;
+  // What stands still stands until it is pushed. In a part in which that begins, friction would brake it from before.
+  const bool waits = since.waits && since.others.none() && support_count_ > 0 &&
+                     motion.velocity_m_s.norm() < kStill_m_s && motion.angular_velocity_rad_s.norm() < kStill_rad_s;
+  const std::uint64_t from_ns = waits ? since.history.first_after(since.from_ns, since.now_ns) : since.from_ns;
+  if (from_ns >= since.now_ns) return Quaterniond::Identity();
+  Impulse before = since.given_at(from_ns);
+  const double way_s = from_ns > since.from_ns ? rtbus::seconds_between(from_ns, since.now_ns) : since.seconds();
+  const double h = way_s / since.parts;
   const double tick_s = std::min(h, since.tick_s);
   SolverContact* const rows = since.scratch;
   std::size_t count = 0;
@@ -156,8 +164,8 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   prepare_contacts(&body, rows, count);
   Quaterniond turned = Quaterniond::Identity();
   for (int part = 1; part <= since.parts; ++part) {
-    const std::uint64_t until_ns = since.from_ns + (since.now_ns - since.from_ns) * static_cast<std::uint64_t>(part) /
-                                                       static_cast<std::uint64_t>(since.parts);
+    const std::uint64_t until_ns =
+        from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
     Impulse after = since.given_at(until_ns);
     after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
     SolverBody next = body;

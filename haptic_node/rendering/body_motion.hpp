@@ -2,6 +2,7 @@
 /// @file body_motion.hpp
 /// What the kinds of bodies of local_contact share: a body's motion, its row of an answer, and the time since. Frame W,
 /// SI units.
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -73,9 +74,12 @@ struct SinceAnswer {
   OtherHands::Since others;          ///< What other hands gave it.
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
   const Tuning& tuning;
+  double besides_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
+  bool waits = false;      ///< What rests does so until it is pushed: the parts begin there.
 
+  /// For which the world moves on.
   [[nodiscard]] double seconds() const noexcept {
-    return from_ns < now_ns ? rtbus::seconds_between(from_ns, now_ns) : 0.0;
+    return from_ns < now_ns ? std::max(tick_s, rtbus::seconds_between(from_ns, now_ns) + besides_s) : 0.0;
   }
   /// Sum of the hand impulses at that time.
   [[nodiscard]] Impulse given_at(std::uint64_t time_ns) const noexcept { return history.at(time_ns, sum); }

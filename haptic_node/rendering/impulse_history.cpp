@@ -1,5 +1,7 @@
 #include "haptic_node/rendering/impulse_history.hpp"
 
+#include <algorithm>
+
 #include "rtbus/clock.hpp"
 
 namespace haptic {
@@ -26,8 +28,8 @@ void ImpulseHistory::correct(std::uint64_t end_ns, const Impulse& more) noexcept
   if (end_ns_[last] == end_ns) records_[last].after += more;
 }
 
-Impulse ImpulseHistory::at(std::uint64_t time_ns, const Impulse& sum) const noexcept {
-  // The first record that ends later, by halving.
+std::uint64_t ImpulseHistory::record_after(std::uint64_t time_ns) const noexcept {
+  // By halving.
   std::uint64_t low = count_ > kRecords ? count_ - kRecords : 0;
   std::uint64_t high = count_;
   while (low < high) {
@@ -37,6 +39,16 @@ Impulse ImpulseHistory::at(std::uint64_t time_ns, const Impulse& sum) const noex
     else
       high = middle;
   }
+  return low;
+}
+
+std::uint64_t ImpulseHistory::first_after(std::uint64_t time_ns, std::uint64_t now_ns) const noexcept {
+  const std::uint64_t record = record_after(time_ns);
+  return record == count_ ? now_ns : std::max(time_ns, records_[record % kRecords].begin_ns);
+}
+
+Impulse ImpulseHistory::at(std::uint64_t time_ns, const Impulse& sum) const noexcept {
+  const std::uint64_t low = record_after(time_ns);
   if (low == count_) return sum;
   const Record& record = records_[low % kRecords];
   if (time_ns <= record.begin_ns) return record.before;

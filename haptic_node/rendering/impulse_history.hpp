@@ -48,8 +48,12 @@ class ImpulseHistory {
   /// The sum at that time, a step's share taken evenly over it. @param sum What it is now. What is older than the ring
   /// is taken for its beginning.
   [[nodiscard]] Impulse at(std::uint64_t time_ns, const Impulse& sum) const noexcept RTBUS_NONBLOCKING;
+  /// When something was given first, later than that; `now_ns`: nothing was.
+  [[nodiscard]] std::uint64_t first_after(std::uint64_t time_ns, std::uint64_t now_ns) const noexcept RTBUS_NONBLOCKING;
 
  private:
+  /// Number of the first record that ends later; count_: none.
+  [[nodiscard]] std::uint64_t record_after(std::uint64_t time_ns) const noexcept RTBUS_NONBLOCKING;
   struct Record {
     std::uint64_t begin_ns = 0;
     Impulse before, after;

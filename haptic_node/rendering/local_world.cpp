@@ -12,6 +12,16 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
+// Behind a network, where delays are long, vary, and answers get lost.
+/// An answer that is older than so many steps and so much more has come over one.
+constexpr double kNetworkSteps = 3.0, kNetwork_s = 10e-3;
+/// It is good for so much of its age: a body that has gone on for that long without news may do so a little longer.
+constexpr double kGoodForAge = 0.5;
+/// So many ages of an answer are hand impulses known.
+constexpr double kHistoryAges = 1.25;
+/// Parts from the instant of an answer to now, at most.
+constexpr int kNetworkParts = 64;
+
 /// Rows of bodies that are not soft: they come first.
 std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
   std::size_t rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
@@ -31,7 +41,7 @@ std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
 void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   proxy_ = {proxy_m, Vector3d::Zero(), proxy_.radius_m};
   impulse_n_s_.setZero();
-  work_j_ = 0.0;
+  work_j_ = lifted_j_ = 0.0;
   for (LocalBody& body : bodies_) body.used = false;
   contacts_.reset();
   supports_.count = 0;
@@ -41,6 +51,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   any_yields_ = false;
   shapes_.forget_names();
   good_until_ns_ = 0;
+  clock_.forget();
 }
 
 /// A body of a pile, which no single impulse moves, feels other hands through physics alone.
@@ -54,9 +65,16 @@ void LocalWorld::hear(std::span<const OtherHand> hands, std::uint64_t sample_ns)
 }
 
 void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
-  good_until_ns_ =
-      now_ns + static_cast<std::uint64_t>((tuning_.good_periods * answer.step_s + tuning_.good_besides_s) * 1e9);
-  const double history_ns = tuning_.history_periods() * answer.step_s * 1e9;
+  const double age_s = answer.device_time_ns < now_ns ? rtbus::seconds_between(answer.device_time_ns, now_ns) : 0.0;
+  networked_ = age_s > kNetworkSteps * answer.step_s + kNetwork_s;
+  const double network_s = networked_ ? age_s : 0.0;
+  const double good_s =
+      std::max(tuning_.good_periods * answer.step_s + tuning_.good_besides_s, kGoodForAge * network_s);
+  good_until_ns_ = now_ns + static_cast<std::uint64_t>(good_s * 1e9);
+  const double history_ns = std::max(tuning_.history_periods() * answer.step_s, kHistoryAges * network_s) * 1e9;
+  // Without a network samples and steps keep in step.
+  const double after_s = clock_.sample_after_world_s(answer.step_index, answer.step_s, answer.device_time_ns);
+  world_before_s_ = networked_ ? after_s : 0.0;
   impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   other_hands_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
@@ -142,7 +160,7 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigi
     const double ticks = std::ceil(rtbus::seconds_between(answer.device_time_ns, now_ns) / tick_s_ - 0.1);
     const int most =
         std::min(static_cast<int>(std::min(1e3, ticks)), static_cast<int>(tuning_.row_budget) / std::max(1, rows));
-    parts = std::clamp(most, 1, static_cast<int>(tuning_.parts));
+    parts = std::clamp(most, 1, networked_ ? kNetworkParts : static_cast<int>(tuning_.parts));
   }
   std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
   supports_.count = 0;
@@ -170,7 +188,9 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
                           impulses_.sum(body.place),
                           {other_hands_, answer, body.index},
                           rows_.data(),
-                          tuning_};
+                          tuning_,
+                          world_before_s_,
+                          networked_};
   const Impulse then = since.given_at(since.from_ns);
   body.blend = Blend::of(tuning_, answer.step_s);
   Quaterniond turned = Quaterniond::Identity();
@@ -186,6 +206,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     turned = free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
     if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
   }
+  if (networked_ && body.as<FreeBody>() != nullptr) body.blend = body.blend.over_network(since.seconds());
   body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};
   return turned;
 }
@@ -311,9 +332,13 @@ void LocalWorld::give_impulses() noexcept {
     if (!contact.felt()) continue;
     give(contact.body, contact.impulse_n_s, contact.from_centre_m);
     const LocalBody& body = bodies_[contact.body];
-    if (body.as<DrivenBody>() != nullptr) {
-      work_j_ += contact.impulse_n_s.dot(body.motion.velocity_at(contact.from_centre_m));
-    }
+    if (body.as<DrivenBody>() == nullptr) continue;
+    work_j_ += contact.impulse_n_s.dot(body.motion.velocity_at(contact.from_centre_m));
+    // Where it comes to its place nobody works: a hand that it lifts gets what it has, and nothing besides. What was
+    // taken to be higher than it is gives back what it was counted to have done.
+    lifted_j_ += contact.impulse_n_s.dot(contact.normal) * (contact.blend_m_s + contact.normal.dot(contact.late_m_s));
+    work_j_ += std::min(0.0, lifted_j_);
+    lifted_j_ = std::max(0.0, lifted_j_);
   }
   if (!any_yields_) return;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {

@@ -20,6 +20,7 @@
 #include "haptic_node/rendering/proxy_contact_set.hpp"
 #include "haptic_node/rendering/static_shapes.hpp"
 #include "haptic_node/rendering/tuning.hpp"
+#include "haptic_node/rendering/world_clock.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/shapes/standing_shape.hpp"
@@ -107,8 +108,12 @@ class LocalWorld {
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   double work_j_ = 0.0;
+  double lifted_j_ = 0.0;  ///< By corrections of where kinematic bodies are, less what corrections gave back.
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about Tuning::noise_s.
   std::uint64_t good_until_ns_ = 0;
+  WorldClock clock_;
+  bool networked_ = false;       ///< The last answer came over a network.
+  double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
   std::uint64_t now_ns_ = 0;
   std::optional<double> correction_m_;
   double tick_s_ = 1e-3;  ///< Of the last step.

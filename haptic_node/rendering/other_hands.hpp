@@ -49,6 +49,8 @@ class OtherHands {
     /// @param others,answer Outlive this.
     Since(const OtherHands& others, const rtbus::ProxyContacts& answer, std::uint32_t body) noexcept
         : others_(others), answer_(answer), body_(body) {}
+    /// There is no other hand.
+    [[nodiscard]] bool none() const noexcept { return others_.hands_.empty(); }
     [[nodiscard]] Impulse until(std::uint64_t time_ns) const noexcept RTBUS_NONBLOCKING;
     /// Until the tick that is running, without what that gives.
     [[nodiscard]] Impulse until_now() const noexcept RTBUS_NONBLOCKING;

@@ -264,13 +264,16 @@ void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count_; ++i) {
     Contact& contact = contacts_[i];
+    contact.blend_m_s = 0.0;
     if (contact.fades) {
       // It recedes until it is felt no more.
       if (!contact.felt()) continue;
       contact.offset_m += tuning_.recovery_m_s * h;
     } else if (contact.offset_m != 0.0 || !contact.late_m_s.isZero(0.0)) {
       const double share = bodies[contact.body].blend.share(h);
-      contact.offset_m -= std::min(share * contact.offset_m, tuning_.recovery_m_s * h);
+      const double rise_m = std::min(share * contact.offset_m, tuning_.recovery_m_s * h);
+      contact.offset_m -= rise_m;
+      contact.blend_m_s = rise_m / h;
       contact.late_m_s *= 1.0 - share;
     }
     if (kept != i) contacts_[kept] = contact;

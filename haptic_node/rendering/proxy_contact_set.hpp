@@ -51,7 +51,8 @@ class ProxyContactSet {
     int standing = -1;          ///< Static shape that it follows; −1: none.
     std::uint64_t feature = 0;  ///< Of a surface: what it is on.
     double friction = 0.0;
-    double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in.
+    double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in …
+    double blend_m_s = 0.0;                                 ///< … and how fast the surface rises by that.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
     Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity: likewise.
     bool fades = false;                                     ///< Physics does not know it any more.

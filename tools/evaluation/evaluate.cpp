@@ -27,6 +27,7 @@
 #include "tools/evaluation/drop/drop.hpp"
 #include "tools/evaluation/faults/faults.hpp"
 #include "tools/evaluation/local_contact/local_contact.hpp"
+#include "tools/evaluation/network/network.hpp"
 #include "tools/evaluation/overhead/overhead.hpp"
 #include "tools/evaluation/soak/soak.hpp"
 #include "tools/evaluation/soft/soft.hpp"
@@ -52,7 +53,8 @@ struct EvaluateOptions {
   std::size_t cases = 0;  ///< 0: the experiment's own number.
   int jobs = 0;           ///< 0: one per core.
   bool no_maps = false;
-  std::string seeds;  ///< A file with one number at the beginning of each line.
+  std::size_t sweep = 0;  ///< Of network: seeded cases instead of the grid.
+  std::string seeds;      ///< A file with one number at the beginning of each line.
   std::optional<std::uint64_t> one_case;
   double minutes = 1.0;           ///< Of soak.
   std::uint64_t soak_seed = 1;    ///< Likewise.
@@ -145,6 +147,16 @@ void run_stability(const EvaluateOptions& options, Experiment& experiment) {
   evaluate_stability(stability_of(options), experiment);
 }
 
+void run_network(const EvaluateOptions& options, Experiment& experiment) {
+  NetworkExperiment network;
+  network.session_file = session_of(options, "wall.yaml");
+  network.assignments = options.assignments;
+  network.quick = options.quick;
+  network.jobs = options.jobs;
+  network.sweep = options.sweep;
+  evaluate_network(network, experiment);
+}
+
 void run_faults(const EvaluateOptions& options, Experiment& experiment) {
   FaultsOptions faults;
   faults.session_file = session_of(options, "wall_own_plant.yaml");
@@ -187,6 +199,7 @@ constexpr std::array kExperiments{
     Row{"work-precision", "force error against run time", true, true, &run_work_precision, true},
     Row{"local-contact", "each claim of the method local_contact", false, true, &run_local_contact, true},
     Row{"stability", "seeded cases from easy to absurd, and maps", true, true, &run_stability},
+    Row{"network", "delay, jitter and loss between hand and physics", true, true, &run_network},
     Row{"faults", "what the hand feels when something dies, hangs, fails or runs out", true, false, &run_faults},
     Row{"soak", "real sessions under kills, observers and E-stops at random times", true, false, &run_soak},
     Row{"worst-physics", "a physics that wants to hurt: force, energy, recovery", false, false, &run_worst_physics,
@@ -372,11 +385,12 @@ Action add_evaluate(rtbus::Command command) {
   command.option("--seed", options->seed, "stability: number of the first case; below 10000000 as first drawn")
       .show_default();
   command.option("--cases", options->cases, "stability: how many [100000; with --quick 2000]");
-  command.option("--jobs", options->jobs, "stability: processes at a time [one per core]");
+  command.option("--jobs", options->jobs, "stability, network: processes at a time [one per core]");
   command.option("--seeds", options->seeds,
                  "stability: the cases whose numbers begin the lines of this file (a stability_cases.tsv)");
   command.flag("--no-maps", options->no_maps, "stability: the cases alone");
   command.option("--case", options->one_case, "stability: this case alone, with a figure of force and position");
+  command.option("--sweep", options->sweep, "network: so many seeded cases instead of the grid");
   command.option("--minutes", options->minutes, "soak: how long [min]").range(0.1, 10000.0).show_default();
   command.option("--soak-seed", options->soak_seed, "soak: of the events and their times").show_default();
   command.flag("--list", options->list, "faults: print the rows and run nothing");
@@ -385,6 +399,7 @@ Action add_evaluate(rtbus::Command command) {
     std::string line = "rtbus evaluate " + options->experiment;
     if (options->quick) line += " --quick";
     if (options->experiment == "stability") line += " --seed " + std::to_string(options->seed);
+    if (options->sweep != 0) line += " --sweep " + std::to_string(options->sweep);
     if (options->cases != 0) line += " --cases " + std::to_string(options->cases);
     for (const std::string& text : options->assignments) line += " --set " + text;
     for (const std::string& row : options->only) line += " --only " + row;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "haptic_node/across_network.hpp"
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/sane_sample.hpp"
@@ -20,6 +21,10 @@ constexpr std::uint64_t kBeatPeriod_ns = 20 * rtbus::kNsPerMs;
 constexpr std::uint64_t kDeviceSilent_ns = 100 * rtbus::kNsPerMs;  // physics::Node::kDeviceSilentNs
 
 std::uint64_t to_ns(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e9)); }
+
+double longest_round_trip_s(const NetworkOptions& network) {
+  return (1.0 + network.jitter_share) * network.round_trip_s;
+}
 
 double cpu_s() {
   timespec now{};
@@ -84,9 +89,19 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
   for (std::size_t i = 0; i < session.haptic.size(); ++i) {
     haptic::HapticConfig settings = haptic::read_haptic_config(session, i);
     settings.safety.passivity.control = settings.safety.passivity.control && options.passivity;
+    settings.safety.passivity.bounds = options.energy_bound;
+    settings.safety.passivity.damps = options.energy_damper;
+    if (options.network.exists()) haptic::put_across_network(settings, longest_round_trip_s(options.network));
     hands_.push_back(std::make_unique<Hand>(std::move(settings), session, kStart_ns, options.measure_cost));
     hands_.back()->link.lost_share = options.lost_share;
-    hands_.back()->link.random = Random(options.link_seed + i);
+    Link& link = hands_.back()->link;
+    link.random = Random(options.link_seed + i);
+    if (const NetworkOptions& network = options.network; network.exists()) {
+      Random seeds(options.link_seed + i);
+      link.network.emplace(
+          Link::Network{.out = {network, network.out_share * network.round_trip_s, seeds.next()},
+                        .back = {network, (1.0 - network.out_share) * network.round_trip_s, seeds.next()}});
+    }
     needs_physics = needs_physics || haptic::find_method(hands_.back()->config.method)->needs_physics;
   }
   for (const auto& hand : hands_) {
@@ -122,6 +137,7 @@ void Harness::step_physics(std::uint64_t begin_ns) {
   // As the node does it: read the hands, step. A throttled machine delivers when its period is over.
   for (std::size_t i = 0; i < hands_.size(); ++i) {
     Hand& hand = *hands_[i];
+    hand.link.take_state(begin_ns);
     const rtbus::Stamped<rtbus::DeviceState>& device = hand.link.device;
     if (device.sequence == 0) continue;
     if (!hand.killed) {
@@ -171,6 +187,14 @@ void Harness::step_physics(std::uint64_t begin_ns) {
 
 void Harness::publish(Hand& hand, const rtbus::Stamped<rtbus::ProxyState>& answer,
                       const rtbus::Stamped<rtbus::ProxyContacts>* contacts) {
+  if (auto& network = hand.link.network) {
+    const auto at_ns = network->back.arrival_ns(answer.stamp_ns);
+    if (!at_ns) return;
+    Link::Datagram datagram{beat(), answer, std::nullopt};
+    if (contacts != nullptr) datagram.contacts = *contacts;
+    network->answers.send(std::move(datagram), *at_ns);
+    return;
+  }
   const auto judge = [&](const auto& sample, auto& under_way) {
     if (!tamper_ || rtbus::sane(sample.value, sample.stamp_ns)) {
       under_way.push_back(sample);
@@ -182,12 +206,44 @@ void Harness::publish(Hand& hand, const rtbus::Stamped<rtbus::ProxyState>& answe
   if (contacts != nullptr) judge(*contacts, hand.contacts_under_way);
 }
 
+rtbus::Heartbeat Harness::beat() const noexcept {
+  rtbus::Heartbeat out;
+  out.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
+  out.work_period_ns = to_ns(physics_->step_s());
+  return out;
+}
+
+void Harness::Link::hear(const rtbus::Heartbeat& heard, std::uint64_t now_ns) {
+  beat.value = heard;
+  beat.stamp_ns = now_ns;
+  ++beat.sequence;
+  beat_fresh = true;
+}
+
+void Harness::Link::take_answers(std::uint64_t now_ns) {
+  if (!network) return;
+  if (auto arrived = network->answers.take(now_ns)) {
+    Datagram& datagram = arrived->packet;
+    hear(datagram.beat, arrived->arrival_ns);
+    proxy = datagram.proxy;
+    proxy.stamp_ns = arrived->arrival_ns;
+    proxy_fresh = true;
+    if (datagram.contacts) {
+      contacts = *datagram.contacts;
+      contacts.stamp_ns = arrived->arrival_ns;
+      contacts_fresh = true;
+    }
+  }
+  if (const auto arrived = network->beats.take(now_ns)) hear(arrived->packet, arrived->arrival_ns);
+}
+
 void Harness::advance_physics(std::uint64_t now_ns) {
   if (!stepper_) return;
   for (; next_step_ns_ <= now_ns; next_step_ns_ += to_ns(physics_->step_s())) {
     if (!physics_silent(next_step_ns_)) step_physics(next_step_ns_);
   }
   for (const auto& hand : hands_) {
+    hand->link.take_answers(now_ns);
     while (!hand->under_way.empty() && hand->under_way.front().stamp_ns <= now_ns) {
       hand->link.proxy = hand->under_way.front();
       hand->link.proxy_fresh = true;
@@ -202,11 +258,11 @@ void Harness::advance_physics(std::uint64_t now_ns) {
   for (; next_beat_ns_ <= now_ns; next_beat_ns_ += kBeatPeriod_ns) {
     if (silenced_ || physics_silent(next_beat_ns_)) continue;
     for (const auto& hand : hands_) {
-      hand->link.beat.sequence++;
-      hand->link.beat.stamp_ns = next_beat_ns_;
-      hand->link.beat.value.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
-      hand->link.beat.value.work_period_ns = to_ns(physics_->step_s());
-      hand->link.beat_fresh = true;
+      if (auto& network = hand->link.network) {
+        if (const auto at_ns = network->back.arrival_ns(next_beat_ns_)) network->beats.send(beat(), *at_ns);
+      } else {
+        hand->link.hear(beat(), next_beat_ns_);
+      }
     }
   }
 }

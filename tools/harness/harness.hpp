@@ -19,6 +19,7 @@
 #include "rtbus/config/session.hpp"
 #include "rtbus/histogram.hpp"
 #include "tools/harness/random.hpp"
+#include "tools/harness/simulated_link.hpp"
 
 namespace tools {
 
@@ -31,12 +32,17 @@ struct HarnessOptions {
   double physics_dies_s = -1.0;     ///< Neither heartbeat nor step from then on; negative: never.
   double physics_returns_s = -1.0;  ///< … until then; negative: never.
   bool passivity = true;            ///< False: energy is observed, not controlled, for comparison.
+  bool energy_bound = true;         ///< False: the controller's damper alone, likewise.
+  bool energy_damper = true;        ///< False: the bound of the force alone, likewise.
   bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
   double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
   double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.
   double loop_stops_s = -1.0;   ///< The loop stands still from then on (a pause of the machine); negative: never …
   double loop_pause_s = 0.0;    ///< … for so long.
   std::uint64_t link_seed = 1;  ///< Of jitter and losses: one seed, one run.
+  /// Between each haptic node and physics, besides what is said above; it carries the states of the hand as well. The
+  /// far end puts its heartbeat into each answer, and the near end stamps it anew.
+  NetworkOptions network = {};
   /// Puts something between the node and its engine's world; empty: nothing.
   std::function<std::unique_ptr<physics::World>(std::unique_ptr<physics::World>)> around_world = {};
 };
@@ -109,11 +115,27 @@ class Harness {
  private:
   /// The link of the simulated clock: newest state out, delayed answers in.
   struct Link final : haptic::PhysicsLink {
-    void send(const rtbus::DeviceState& state, std::uint64_t) noexcept override {
+    void send(const rtbus::DeviceState& state, std::uint64_t now_ns) noexcept override {
       if (lost_share > 0.0 && random.fraction() < lost_share) return;
+      if (network) {
+        ++states_sent;
+        if (const auto at_ns = network->out.arrival_ns(now_ns)) network->states.send({states_sent, state}, *at_ns);
+        return;
+      }
       device.value = state;
       ++device.sequence;
     }
+    /// The newest state that has come to physics.
+    void take_state(std::uint64_t now_ns) {
+      if (!network) return;
+      if (auto arrived = network->states.take(now_ns)) {
+        device.value = arrived->packet.second;
+        device.sequence = arrived->packet.first;
+      }
+    }
+    /// What has come from physics.
+    void take_answers(std::uint64_t now_ns);
+    void hear(const rtbus::Heartbeat& heard, std::uint64_t now_ns);
     bool receive(rtbus::Stamped<rtbus::ProxyState>& out) noexcept override {
       return std::exchange(proxy_fresh, false) && (out = proxy, true);
     }
@@ -139,6 +161,20 @@ class Harness {
     std::uint64_t refused_answers = 0;
     double lost_share = 0.0;
     Random random;
+    /// One datagram: a proxy with its contacts, and a heartbeat.
+    struct Datagram {
+      rtbus::Heartbeat beat;
+      rtbus::Stamped<rtbus::ProxyState> proxy;
+      std::optional<rtbus::Stamped<rtbus::ProxyContacts>> contacts;
+    };
+    struct Network {
+      OneWay out, back;
+      DelayLine<std::pair<std::uint64_t, rtbus::DeviceState>> states{};
+      DelayLine<Datagram> answers{};
+      DelayLine<rtbus::Heartbeat> beats{};
+    };
+    std::optional<Network> network;
+    std::uint64_t states_sent = 0;
   };
 
   /// One haptic node: device, loop, and its end of the link.
@@ -165,6 +201,7 @@ class Harness {
   /// Puts the answer to a hand under way.
   void publish(Hand& hand, const rtbus::Stamped<rtbus::ProxyState>& answer,
                const rtbus::Stamped<rtbus::ProxyContacts>* contacts);
+  [[nodiscard]] rtbus::Heartbeat beat() const noexcept;
   [[nodiscard]] bool physics_silent(std::uint64_t now_ns) const noexcept;
   [[nodiscard]] bool loop_stands(std::uint64_t now_ns) const noexcept;
 

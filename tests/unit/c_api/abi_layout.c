@@ -59,7 +59,7 @@ _Static_assert(RTBUS_E_VALUE == -9 && RTBUS_E_TIMEOUT == -10 && RTBUS_E_ORDER ==
 _Static_assert(RTBUS_E_ENDED == -13, "");
 
 /* The messages as C sees them: the same bytes as in C++ (rtbus/messages.hpp). */
-BYTES(rtbus_device_state, 552);
+BYTES(rtbus_device_state, 560);
 BYTES(rtbus_proxy_state, 232);
 BYTES(rtbus_heartbeat, 40);
 BYTES(rtbus_telemetry, 240);

@@ -69,6 +69,29 @@ TEST(LinkMonitor, GivesAStepThatTookTooLongNoMoreTimeForTheNext) {
   EXPECT_TRUE(monitor.too_far_behind(501 * rtbus::kNsPerMs)) << "nor may its answers be older";
 }
 
+// 500 ms there and back, 30 % lost: gaps of 150 ms are normal, and so are answers to a hand of 0.6 s ago. A process
+// that is gone is lost all the same.
+TEST(LinkMonitor, BearsANetworkThatItKnows) {
+  const haptic::LinkMonitorConfig config = haptic::across_network({}, 0.5);
+  LinkMonitor near({}), far(config);
+  const std::uint64_t began = 1000 * rtbus::kNsPerMs, later = 1150 * rtbus::kNsPerMs;
+  for (LinkMonitor* each : {&near, &far}) {
+    each->heartbeat(running(0.01), began);
+    each->proxy(began);
+  }
+  EXPECT_FALSE(near.update(later));
+  EXPECT_TRUE(far.update(later));
+  far.behind(600 * rtbus::kNsPerMs);
+  EXPECT_TRUE(far.update(later));
+  std::uint64_t now = began;
+  while (far.update(now)) now += rtbus::kNsPerMs;
+  EXPECT_LE(now - began, 451 * rtbus::kNsPerMs);
+  // Slow physics has the time of ten steps, as some of them never arrive.
+  far.heartbeat(running(0.1), began);
+  EXPECT_NEAR(far.step_age_limit_s(), 1.0, 1e-9);
+  EXPECT_GE(config.min_answer_age_s, 1.5);
+}
+
 TEST(LinkMonitor, TakesAFarewellAtOnce) {
   LinkMonitor monitor({});
   monitor.heartbeat(running(1e-3), 1000 * rtbus::kNsPerMs);

@@ -158,6 +158,42 @@ TEST_F(LocalWorldTest, ABodyWithoutItsSupportsDoesNotCarryTheHandAway) {
   EXPECT_LT(world->position_m().x(), 0.001) << "0.35 m/s would be 14 mm";
 }
 
+// An answer that is long under way says what a plate did then. What it was taken to have risen too far by, it gives
+// back when that is put right; what an answer lifts the hand by is nobody's work.
+TEST_F(LocalWorldTest, GivesNoWorkForAPlateThatAnAnswerPutsElsewhere) {
+  const auto plate = [&](double x_m, double velocity_m_s) {
+    ProxyContacts answer = body(x_m, velocity_m_s, now_ns);
+    answer.body_kind[0] = 1;
+    answer.body_inverse_mass_per_kg[0] = 0.0;
+    return answer;
+  };
+  world->reset({0, 0, 0});
+  world->take(plate(0.0, 0.0), now_ns);
+  double work_j = 0.0;
+  const auto wait = [&](int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      (void)tick(-2e-3);
+      work_j += world->work_j();
+    }
+  };
+  wait(40);
+  EXPECT_NEAR(work_j, 0.0, 1e-12);
+  world->take(plate(0.0, 0.02), now_ns);  // it rises, as far as is known …
+  wait(40);
+  const double risen_j = work_j;
+  EXPECT_GT(risen_j, 0.5e-3);
+  world->take(plate(0.0, 0.0), now_ns);  // … and has never done so
+  wait(150);
+  EXPECT_LT(work_j, 0.35 * risen_j) << "the rise is given back";
+  const double before_j = work_j;
+  world->take(plate(0.5e-3, 0.0), now_ns);
+  wait(150);
+  EXPECT_NEAR(work_j, before_j, 1e-9) << "it has not moved: it was told to be elsewhere";
+  world->take(plate(0.0, 0.0), now_ns);
+  wait(150);
+  EXPECT_NEAR(work_j, before_j, 1e-6) << "and back";
+}
+
 TEST_F(LocalWorldTest, BooksTheWorkOfWhatMovesByItselfAlone) {
   for (const std::uint32_t kind : {1U, 2U}) {
     world->reset({0, 0, 0});

@@ -244,6 +244,14 @@ TEST(Stepper, ReportsContactsWithTheSampleTheyAnswer) {
   device.target_velocity_m_s = {0.6, 0, 0};
   stepper.set_device(0, device, 43);
   EXPECT_NEAR(stepper.contact_radius_m(0), 2 * 0.05 * (0.6 + 0.05 * 9.81), 1e-12);
+  // Over a network answers are older than two steps. A hand that says so is answered as far as it goes meanwhile, and
+  // still so when the next answers were faster.
+  device.answer_age_s = 0.25;
+  stepper.set_device(0, device, 44);
+  EXPECT_NEAR(stepper.contact_radius_m(0), 0.25 * (0.6 + 0.05 * 9.81), 1e-12);
+  device.answer_age_s = 0.2;
+  stepper.set_device(0, device, 45);
+  EXPECT_NEAR(stepper.contact_radius_m(0), physics::Stepper::kAgeKept * 0.25 * (0.6 + 0.05 * 9.81), 1e-12);
   stepper.contacts(0, 1e-4, contacts);
   EXPECT_EQ(contacts.contacts, 0U);
   stepper.release(0);

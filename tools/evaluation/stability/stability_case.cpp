@@ -14,6 +14,8 @@ namespace {
 constexpr double kBoxEdgeM = 0.02;  // of a moving body, at scale 1
 constexpr double kRampS = 0.02;
 constexpr double kMarginM = 0.001;  // of a soft body
+constexpr double kPlateRiseM = 0.005, kPlateMoveS = 1.0;
+constexpr double kSecondHandM = 0.002;  // it presses the block that far, at first
 constexpr double kGravityMS2 = 9.81;
 
 std::string hand_map(const StabilityCase& each) {
@@ -31,6 +33,7 @@ std::string hand_map(const StabilityCase& each) {
           "speed_m_s: %.9g, start_s: %.9g, ramp_s: %g, impedance: %s}",
           each.height_m, each.speed_m_s, start_s, kRampS, impedance);
     case StabilityTask::kBlock:
+    case StabilityTask::kSecondHand:
       return formatted(
           "{type: push, start_m: [0, 0, %.9g], direction: [0, 0, -1], distance_m: %.9g, speed_m_s: %.9g, "
           "start_s: %.9g, ramp_s: %g, impedance: %s}",
@@ -42,6 +45,7 @@ std::string hand_map(const StabilityCase& each) {
     case StabilityTask::kRub:
     case StabilityTask::kStack:
     case StabilityTask::kSoft:
+    case StabilityTask::kPlate:
       break;
   }
   if (each.hand == StabilityHand::kNone) {
@@ -71,6 +75,20 @@ std::string falling_body(const StabilityCase& each, double edge_m) {
       each.proxy_kg * each.body_ratio, 2.0 * edge_m, edge_m, edge_m, y_m, each.friction);
 }
 
+/// Up when the hand has come to it, down again, and then it stays.
+std::string plate(const StabilityCase& each) {
+  const double s = each.scale, thick_m = kBoxEdgeM * s, from_s = each.start_s() + each.way_s();
+  const auto point = [&](double time_s, double rise_m) {
+    return formatted("{time_s: %.9g, position_m: [0, %.9g, 0]}", time_s, rise_m * s - 0.5 * thick_m);
+  };
+  return formatted(
+             ", {name: plate, type: kinematic, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, position_m: [0, %.9g, 0], "
+             "friction: %.9g, motion: {waypoints: {points: [",
+             5.0 * thick_m, thick_m, 5.0 * thick_m, -0.5 * thick_m, each.friction) +
+         point(from_s, 0.0) + ", " + point(from_s + kPlateMoveS, kPlateRiseM) + ", " +
+         point(from_s + 2.0 * kPlateMoveS, 0.0) + "]}}}";
+}
+
 /// One ball on the floor.
 std::string soft_body(const StabilityCase& each) {
   const StabilityCase::SoftMaterial& m = each.soft;
@@ -90,13 +108,17 @@ std::string scene_map(const StabilityCase& each) {
   // A world of another size has the gravity that feels the same, as far as a scene may have it.
   std::string out = formatted(head, -std::min(kGravityMS2 * s, 100.0));
   if (each.moves_bodies()) {
-    out += formatted("{name: floor, type: static, shape: {plane: {}}, friction: %.9g}", std::max(0.2, each.friction));
+    const double floor_m = each.task == StabilityTask::kPlate ? -0.2 * s : 0.0;
+    out += formatted("{name: floor, type: static, shape: {plane: {}}, position_m: [0, %.9g, 0], friction: %.9g}",
+                     floor_m, std::max(0.2, each.friction));
+    if (each.task == StabilityTask::kPlate) return out + plate(each) + "]}";
     if (each.task == StabilityTask::kSoft) return out + soft_body(each) + "]}";
     if (each.task == StabilityTask::kFall) return out + falling_body(each, edge_m) + "]}";
-    const int boxes = each.task == StabilityTask::kBlock ? 1 : each.boxes;
+    const bool one = each.task == StabilityTask::kBlock || each.task == StabilityTask::kSecondHand;
+    const int boxes = one ? 1 : each.boxes;
     for (int i = 0; i < boxes; ++i) {
       const double mass_kg = i % 2 == 0 ? each.proxy_kg * each.body_ratio : each.proxy_kg;
-      const double z_m = each.task == StabilityTask::kBlock ? -0.5 * edge_m - radius_m(each) : 0.0;
+      const double z_m = one ? -0.5 * edge_m - radius_m(each) : 0.0;
       out += formatted(
           ", {name: box%d, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, "
           "position_m: [0, %.9g, %.9g], friction: %.9g}",
@@ -125,10 +147,18 @@ std::string soft_text(const StabilityCase& each) {
       m.linear_stiffness, m.pose_matching_hz, m.bulk_modulus_pa, m.damping_per_s, m.iterations);
 }
 
+std::string network_text(const NetworkOptions& network) {
+  if (!network.exists()) return {};
+  return formatted(", round trip %.4g ms, jitter %.2g, lost %.2g in bursts of %.3g ms%s", network.round_trip_s * 1e3,
+                   network.jitter_share, network.lost_share, network.burst_s * 1e3,
+                   network.reorder ? "" : ", in order");
+}
+
 std::string mapping_map(const StabilityCase& each) {
   const double edge_m = kBoxEdgeM * each.scale;
   double y_m = 0.0;
-  if (each.task == StabilityTask::kBlock) y_m = 0.5 * edge_m;
+  if (each.task == StabilityTask::kBlock || each.task == StabilityTask::kSecondHand) y_m = 0.5 * edge_m;
+  if (each.task == StabilityTask::kPlate) y_m = radius_m(each);
   if (each.task == StabilityTask::kStack) y_m = each.boxes * edge_m + radius_m(each);
   if (each.task == StabilityTask::kFall) y_m = radius_m(each);
   if (each.task == StabilityTask::kSoft) y_m = 2.0 * (kBoxEdgeM + kMarginM) + radius_m(each);
@@ -138,7 +168,8 @@ std::string mapping_map(const StabilityCase& each) {
 }  // namespace
 
 const char* to_string(StabilityTask task) noexcept {
-  constexpr std::array names{"drop", "press", "rub", "free", "deep", "block", "stack", "fall", "soft"};
+  constexpr std::array names{"drop",  "press", "rub",  "free",  "deep",       "block",
+                             "stack", "fall",  "soft", "plate", "second_hand"};
   return names[static_cast<std::size_t>(task)];
 }
 
@@ -147,20 +178,60 @@ const char* to_string(StabilityHand hand) noexcept {
   return names[static_cast<std::size_t>(hand)];
 }
 
+double StabilityCase::way_s() const noexcept { return (height_m + depth_m) * 1.5 / std::max(speed_m_s, 1e-3) + kRampS; }
+
 double StabilityCase::end_s() const noexcept {
-  double motion_s = (height_m + depth_m) * 1.5 / std::max(speed_m_s, 1e-3) + kRampS;
+  double motion_s = way_s();
+  if (task == StabilityTask::kPlate) motion_s += 2.0 * kPlateMoveS;
   if (task == StabilityTask::kDeep) motion_s = depth_m / 0.1;  // physics moves the proxy out at 0.1 m/s
   if (hand == StabilityHand::kNone && task != StabilityTask::kDeep) {
     motion_s = std::sqrt(2.0 * height_m / kGravityMS2) + 0.2;
   }
   if (task == StabilityTask::kFall) motion_s = std::max(motion_s, speed_m_s / kGravityMS2 - start_s() + 0.3);
   const double pause_s = std::max(loop_pause_s, physics_pause_s);
-  return start_s() + motion_s + (pause_s > 0.0 ? pause_s + 0.3 : 0.0) + 3.0 / physics_hz;
+  return start_s() + motion_s + (pause_s > 0.0 ? pause_s + 0.3 : 0.0) + 3.0 / physics_hz + 2.0 * longest_round_trip_s();
 }
+
+namespace {
+
+std::string device_map(const StabilityCase& each, const std::string& start, const std::string& hand) {
+  const std::string limits = each.stiff_device ? ", limits: {max_stiffness_n_per_m: 20000, max_slew_n_per_ms: 30}" : "";
+  return formatted("{schema: device/1, driver: simulated, model: %s, mechanics: {position_quantum_m: %.9g}%s%s, hand: ",
+                   StabilityEnvelope::kDevice, each.quantum_m, limits.c_str(), start.c_str()) +
+         hand + "}";
+}
+
+std::string coupling_map(const StabilityCase& each) {
+  return formatted("{stiffness_n_per_m: %.9g, damping_n_s_per_m: %.9g}", each.stiffness_n_per_m,
+                   each.damping_n_s_per_m);
+}
+
+std::string proxy_map(const StabilityCase& each) {
+  return formatted("{mass_kg: %.9g, radius_m: %.9g}", each.proxy_kg, radius_m(each));
+}
+
+/// On the far side of the block; where its device is at z = 0, it touches the block.
+std::string second_hand(const StabilityCase& each) {
+  const double edge_m = kBoxEdgeM * each.scale;
+  const std::string hold = formatted(
+      "{type: push, start_m: [0, 0, -0.005], direction: [0, 0, 1], distance_m: %.9g, "
+      "speed_m_s: 0.05, start_s: %.9g, ramp_s: %g, impedance: %s}",
+      0.005 + kSecondHandM, each.start_s(), kRampS, each.hand == StabilityHand::kSoft ? "light" : "firm");
+  return formatted("{name: second, rate_hz: %.9g, method: %s, coupling: ", each.haptic_hz, each.method.c_str()) +
+         coupling_map(each) + ", proxy: " + proxy_map(each) +
+         formatted(", mapping: {position_scale: %.9g, offset_m: [0, %.9g, %.9g]}, device: ", each.scale, 0.5 * edge_m,
+                   -edge_m - 2.0 * radius_m(each)) +
+         device_map(each, "", hold) + "}";
+}
+
+}  // namespace
 
 std::vector<std::string> assignments_of(const StabilityCase& each) {
   std::vector<std::string> out;
   out.push_back("scene=" + scene_map(each));
+  if (each.task == StabilityTask::kSecondHand) {
+    out.push_back("haptic=[{name: haptic0, device: devices/sim_phantom_desktop.yaml}, " + second_hand(each) + "]");
+  }
   const double step_hz = each.paper ? std::clamp(each.physics_hz, 15.0, each.haptic_hz) : each.physics_hz;
   if (each.moves_bodies()) {
     out.emplace_back("physics.engine=bullet");
@@ -174,20 +245,14 @@ std::vector<std::string> assignments_of(const StabilityCase& each) {
   } else {
     out.push_back(formatted("physics.throttle_hz=%.9g", each.physics_hz));
   }
-  const std::string limits = each.stiff_device ? ", limits: {max_stiffness_n_per_m: 20000, max_slew_n_per_ms: 30}" : "";
   const std::string start = each.task == StabilityTask::kDeep && each.hand == StabilityHand::kNone
                                 ? formatted(", start_position_m: [0, %.9g, 0]", -each.depth_m)
                                 : "";
-  out.push_back(
-      formatted("haptic.0.device={schema: device/1, driver: simulated, model: %s, mechanics: {position_quantum_m: "
-                "%.9g}%s%s, hand: ",
-                StabilityEnvelope::kDevice, each.quantum_m, limits.c_str(), start.c_str()) +
-      hand_map(each) + "}");
+  out.push_back("haptic.0.device=" + device_map(each, start, hand_map(each)));
   out.push_back(formatted("haptic.0.rate_hz=%.9g", each.haptic_hz));
   out.push_back("haptic.0.method=" + each.method);
-  out.push_back(formatted("haptic.0.coupling={stiffness_n_per_m: %.9g, damping_n_s_per_m: %.9g}",
-                          each.stiffness_n_per_m, each.damping_n_s_per_m));
-  out.push_back(formatted("haptic.0.proxy={mass_kg: %.9g, radius_m: %.9g}", each.proxy_kg, radius_m(each)));
+  out.push_back("haptic.0.coupling=" + coupling_map(each));
+  out.push_back("haptic.0.proxy=" + proxy_map(each));
   out.push_back("haptic.0.mapping=" + mapping_map(each));
   return out;
 }
@@ -198,6 +263,10 @@ HarnessOptions link_of(const StabilityCase& each) {
   out.jitter_s = each.jitter_s;
   out.lost_share = each.lost_share;
   out.link_seed = each.seed + 1;
+  out.network = each.network;
+  out.passivity = each.bounds || each.damps;
+  out.energy_bound = each.bounds;
+  out.energy_damper = each.damps;
   const double middle_s = each.start_s() + 0.25;
   if (each.loop_pause_s > 0.0) {
     out.loop_stops_s = middle_s;
@@ -231,7 +300,7 @@ std::string describe(const StabilityCase& each) {
       each.stiffness_n_per_m, each.damping_n_s_per_m, each.physics_hz, each.haptic_hz, each.proxy_kg, each.body_ratio,
       each.friction, each.quantum_m * 1e6, each.scale, each.speed_m_s, each.height_m * 1e3, each.depth_m * 1e3,
       each.jitter_s * 1e3, each.lost_share, each.loop_pause_s, each.physics_pause_s,
-      (soft_text(each) + (each.envelope ? ", in the envelope" : "")).c_str());
+      (soft_text(each) + network_text(each.network) + (each.envelope ? ", in the envelope" : "")).c_str());
 }
 
 }  // namespace tools

@@ -11,15 +11,17 @@ namespace tools {
 
 /// What the hand does, and to what.
 enum class StabilityTask : std::uint8_t {
-  kDrop,   ///< Let go above the wall; nobody holds the tip.
-  kPress,  ///< Into the wall, and stays there.
-  kRub,    ///< The same obliquely, with friction.
-  kFree,   ///< A move in free air.
-  kDeep,   ///< Starts inside the wall.
-  kBlock,  ///< Pushes a block over a floor (bullet).
-  kStack,  ///< Presses on, or falls onto, a stack whose boxes differ in mass (bullet).
-  kFall,   ///< A body falls onto the tip, from as high as its speed wants (bullet).
-  kSoft,   ///< Presses a soft ball, as far as the floor (bullet's module with soft bodies).
+  kDrop,        ///< Let go above the wall; nobody holds the tip.
+  kPress,       ///< Into the wall, and stays there.
+  kRub,         ///< The same obliquely, with friction.
+  kFree,        ///< A move in free air.
+  kDeep,        ///< Starts inside the wall.
+  kBlock,       ///< Pushes a block over a floor (bullet).
+  kStack,       ///< Presses on, or falls onto, a stack whose boxes differ in mass (bullet).
+  kFall,        ///< A body falls onto the tip, from as high as its speed wants (bullet).
+  kSoft,        ///< Presses a soft ball, as far as the floor (bullet's module with soft bodies).
+  kPlate,       ///< Presses a plate that rises, sinks and rests by itself (bullet).
+  kSecondHand,  ///< Pushes a block against another hand, which rests on the far side of it (bullet).
 };
 [[nodiscard]] const char* to_string(StabilityTask task) noexcept;
 
@@ -69,6 +71,8 @@ struct StabilityCase {
   double phase = 0.0;      ///< Of physics against the loop, in its periods.
   double jitter_s = 0.0;
   double lost_share = 0.0;
+  NetworkOptions network;            ///< Between the nodes; by itself none.
+  bool bounds = true, damps = true;  ///< Parts of the energy's control; neither: it is observed only.
   double loop_pause_s = 0.0;
   double physics_pause_s = 0.0;
   int solver_iterations = 10;  ///< Of bullet. In the envelope of the second generation StabilityEnvelope::kIterations.
@@ -83,8 +87,16 @@ struct StabilityCase {
   } soft;
 
   [[nodiscard]] bool moves_bodies() const noexcept { return task >= StabilityTask::kBlock; }
-  /// When the motion begins: the start ramp is over, whatever the rate of physics.
-  [[nodiscard]] double start_s() const noexcept { return 0.25 + 2.5 / physics_hz; }
+  [[nodiscard]] double longest_round_trip_s() const noexcept {
+    return (1.0 + network.jitter_share) * network.round_trip_s;
+  }
+  /// When the motion begins: the start ramp is over, whatever the rate of physics and the network.
+  [[nodiscard]] double start_s() const noexcept {
+    return begins_s > 0.0 ? begins_s : 0.25 + 2.5 / physics_hz + 2.0 * longest_round_trip_s();
+  }
+  double begins_s = 0.0;  ///< Instead, where runs over several networks are held against each other; 0: start_s().
+  /// Until a hand that is pushed has come to where it goes.
+  [[nodiscard]] double way_s() const noexcept;
   /// When the script has ended, or a free tip has had its time to fall.
   [[nodiscard]] double end_s() const noexcept;
 };

@@ -10,6 +10,7 @@
 #include "drivers/simulated/simulated_device.hpp"
 #include "haptic_node/safety.hpp"
 #include "rtbus/eigen.hpp"
+#include "rtbus/histogram.hpp"
 
 namespace tools {
 
@@ -79,6 +80,11 @@ class Watch {
     out_.observed_error_j = std::max(out_.observed_error_j, std::abs(telemetry.energy_absorbed_j - true_j));
     out_.plant_work_j = -true_j;
 
+    if (now_s > each_.start_s()) {
+      if (telemetry.proxy_sequence != 0) ages_ns_.record(telemetry.proxy_age_ns);
+      if ((telemetry.safety & haptic::kStale) != 0) out_.stale_s += dt_s_;
+    }
+
     window_.force_n.add(force);
     window_.tip_m.add(tip);
     last_n_ = norm;
@@ -108,6 +114,8 @@ class Watch {
 
   /// What the windows say, without the reference.
   void judge(bool rested) {
+    out_.age_p50_s = 1e-9 * static_cast<double>(ages_ns_.percentile(0.5));
+    out_.age_max_s = 1e-9 * static_cast<double>(ages_ns_.max());
     if (windows_.empty()) return;
     const std::size_t n = windows_.size();
     // The median window of the last quarter: what happens once (a stack falls, physics was lost for a moment) is no
@@ -194,6 +202,7 @@ class Watch {
   double last_n_ = 0.0;
   Vector3d last_tip_ = Vector3d::Zero();
   double clamp_run_s_ = 0.0, deficit_run_s_ = 0.0, window_observed_j_ = 0.0, motion_observed_j_ = 0.0;
+  rtbus::Histogram ages_ns_;
   Window window_;
   std::vector<Window> windows_;
   std::vector<double> windows_observed_j_;
@@ -218,19 +227,20 @@ void simulate(const StabilityCase& each, const std::string& session_file, const 
   out.rendered_n_per_m = harness.config().stiffness_n_per_m;
   out.rendered_n_s_per_m = harness.config().damping_n_s_per_m;
   Watch watch(each, harness, out);
-  const int axis = each.task == StabilityTask::kBlock ? 2 : 1;
+  const bool along_z = each.task == StabilityTask::kBlock || each.task == StabilityTask::kSecondHand;
+  const int axis = along_z ? 2 : 1;
   const auto observe = [&](const rtbus::Telemetry& telemetry) {
     watch.tick(telemetry, rtbus::seconds_between(rtbus::kNsPerS, telemetry.due_ns));
     if (trace != nullptr) {
       const auto i = static_cast<std::size_t>(axis);
       trace->push_back({rtbus::seconds_between(rtbus::kNsPerS, telemetry.due_ns), telemetry.position_m[i],
                         telemetry.force_n[i], telemetry.proxy_position_m[i], telemetry.energy_observed_j,
-                        telemetry.rendered_force_n[i]});
+                        telemetry.rendered_force_n[i], -telemetry.energy_absorbed_j});
     }
   };
   // A window holds some periods of physics, and of whatever may swing slower.
-  const double window_s = std::max(0.3, 4.0 / each.physics_hz);
-  const double watched_s = std::max(6.0, 60.0 / each.physics_hz);
+  const double window_s = std::max({0.3, 4.0 / each.physics_hz, 2.0 * each.longest_round_trip_s()});
+  const double watched_s = std::max({6.0, 60.0 / each.physics_hz, 20.0 * each.longest_round_trip_s()});
   harness.run(each.end_s(), observe);
   watch.begin_windows();
   bool rested = false;

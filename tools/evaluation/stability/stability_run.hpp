@@ -29,6 +29,15 @@ inline constexpr double kClampBarS = 0.05;
 inline constexpr double kDeficitBarJ = 0.5e-3;
 inline constexpr double kDeficitBarS = 0.05;
 
+/// One run against another of the same hand.
+struct TruthError {
+  double force_rms_n = 0.0, force_peak_n = 0.0;
+  double position_rms_m = 0.0, position_peak_m = 0.0;
+  double drift_m = 0.0;         ///< Of the tip at the end.
+  double given_j = 0.0;         ///< Most that the hand had received, all in all, at any time.
+  double drag_n_s_per_m = 0.0;  ///< Of a move in free air.
+};
+
 /// Plain data: it goes through a pipe.
 struct StabilityResult {
   std::uint64_t index = 0;
@@ -52,6 +61,9 @@ struct StabilityResult {
   double plant_work_j = 0.0;      ///< True work of the actuator on the tip.
   double observed_error_j = 0.0;  ///< Largest |work counted by the loop − true work|.
   std::uint64_t nonfinite = 0, above_limit = 0, overspeed = 0, passivity = 0, law_nonfinite = 0;
+  double age_p50_s = 0.0, age_max_s = 0.0;  ///< Of the answer in use, from the start of the motion on.
+  double stale_s = 0.0;                     ///< Without an answer that counts, likewise.
+  TruthError truth;                         ///< Where it was asked for.
   double cpu_s = 0.0;
   char error[256] = {};
 
@@ -60,7 +72,7 @@ struct StabilityResult {
 
 /// What of a tick is kept for a plot.
 struct StabilityTick {
-  double time_s, height_m, force_n, proxy_m, observed_j, method_n;
+  double time_s, height_m, force_n, proxy_m, observed_j, method_n, given_j;
 };
 
 /// @param session_file config/wall.yaml. @param extra `--set`, stronger than the case. @param trace Filled if not null.
