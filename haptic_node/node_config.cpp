@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "haptic_node/across_network.hpp"
 #include "haptic_node/config_warnings.hpp"
 #include "haptic_node/rendering/registry.hpp"
 #include "rtbus/config/vector3.hpp"
@@ -347,6 +348,7 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   const double steps_per_s = session.physics ? rtbus::config::read_step_rate(*session.physics).steps_per_s() : 0.0;
   read_velocity(entry, steps_per_s, out);
   read_coupling(entry, steps_per_s, out);
+  if (out.wire.dds) damp_across_network(out, out.wire.round_trip_s);
   read_buttons(entry, out);
   read_adjustable(entry, out);
   read_workspace_walls(entry, out);
