@@ -25,7 +25,7 @@ TEST(PipeLink, CountsWhatWasNotSaneAmongTheRefusedSamplesOfPhysics) {
   wire.pipe = true;
   wire.rate_hz = 500.0;
   {
-    BusLink link(std::move(*topic), session, "haptic0", true, false, wire);
+    BusLink link(std::move(*topic), session, "haptic0", true, false, wire, {});
     std::atomic<bool> stop{false};
     std::thread work([&] { link.pipe()->run(stop); });
     rtbus::Stamped<rtbus::ProxyState> wrong;
