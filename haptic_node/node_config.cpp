@@ -320,6 +320,8 @@ void read_workspace_walls(Map& entry, HapticConfig& out) {
 
 }  // namespace
 
+bool HapticConfig::asks_physics() const noexcept { return find_method(method)->needs_physics; }
+
 std::uint64_t HapticConfig::period_ns() const noexcept {
   return static_cast<std::uint64_t>(std::llround(1e9 / rate_hz));
 }

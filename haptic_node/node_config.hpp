@@ -67,6 +67,7 @@ struct HapticConfig {
   std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
 
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
+  [[nodiscard]] bool asks_physics() const noexcept;  ///< Its method needs one.
   [[nodiscard]] Gains gains() const noexcept { return {stiffness_n_per_m, damping_n_s_per_m}; }
   /// K_max = 2(b − |B|)/T [N/m]: the stiffest sampled wall that this device renders passively by its own viscous
   /// damping alone; negative: none (J. E. Colgate, G. Schenkel, "Passivity of a class of sampled-data systems", J.

@@ -14,6 +14,7 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 
 namespace fast = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;
@@ -49,8 +50,11 @@ class WrenchType : public fast::TopicDataType {
 
 int main(int argc, char** argv) {
   const std::string node = argc > 1 ? argv[1] : "haptic0";
+  fast::DomainParticipantQos qos;
+  qos.transport().use_builtin_transports = false;  // its shared memory would stay when this program is killed
+  qos.transport().user_transports.push_back(std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>());
   fast::DomainParticipant* const participant =
-      fast::DomainParticipantFactory::get_instance()->create_participant(0, fast::PARTICIPANT_QOS_DEFAULT);
+      fast::DomainParticipantFactory::get_instance()->create_participant(0, qos);
   fast::TypeSupport type(new WrenchType);
   type.register_type(participant);
   fast::Topic* const topic =

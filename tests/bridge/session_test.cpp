@@ -437,7 +437,7 @@ TEST_F(BridgeSession, RubbishChangesNothing) {
 }
 
 TEST_F(BridgeSession, TheExampleWithoutRtbusPrintsTheForce) {
-  start({"haptic.0.device.hand.release_s=0"});
+  start({"haptic.0.device.hand.release_s=0", "bridge.publish.wrench.rate_hz=100"});
   ASSERT_TRUE(await_bridge()) << text_of(log());
   const std::string printed = folder_.path().string() + "/printed";
   Child example({std::string(RTBUS_BINARY_DIR) + "/force_over_dds", "haptic0"}, printed);

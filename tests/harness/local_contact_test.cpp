@@ -300,7 +300,10 @@ TEST(LocalContact, TwoHandsCarryABlockAsInTheConvergedLoop) {
   }
 }
 
-TEST(LocalContact, TheOtherHandFeelsWithinAPeriodThatOneIsKilled) {
+// From the kill on: the block is pushed away, and lets go of the other hand about 27 ms later.
+TEST(LocalContact, TheOtherHandFeelsThatOneIsKilledWithin3Ms) {
+  constexpr std::size_t kKilled = 7999, kEarlyOrLate = 3;  // in samples of 1 ms
+  constexpr double kTolerance_n = 0.05;
   const tests::TemporaryFolder folder;
   tools::TwoHandsSetup setup;
   setup.config_folder = std::string(RTBUS_SOURCE_DIR) + "/config";
@@ -309,14 +312,24 @@ TEST(LocalContact, TheOtherHandFeelsWithinAPeriodThatOneIsKilled) {
   setup.duration_s = 8.1;  // then the block lies somewhere else
   setup.assignments = tools::converged_carry();
   const tools::TwoHandsRun truth = tools::carry_block(setup);
-  EXPECT_GT(truth.force_n[1][7900].norm(), 1.0);
+  EXPECT_GT(truth.force_n[1][kKilled].norm(), 1.0);
   EXPECT_EQ(truth.force_n[1].back().norm(), 0.0) << "nothing holds against it";
   for (const double physics_hz : {100.0, 43.0, 18.0}) {
     setup.assignments = tools::late_carry("local_contact", physics_hz);
     const tools::TwoHandsRun felt = tools::carry_block(setup);
-    const auto error = tools::carry_error(felt, truth, 1, setup.kill_s + 1.0 / physics_hz, setup.duration_s);
-    std::printf("killed, %g Hz: RMS %.4f N, peak %.4f N\n", physics_hz, error.rms_n, error.peak_n);
-    EXPECT_LE(error.rms_n, 0.02) << physics_hz << " Hz";
+    ASSERT_EQ(felt.force_n[1].size(), truth.force_n[1].size());
+    double worst_n = 0.0;
+    for (std::size_t i = kKilled; i < felt.force_n[1].size(); ++i) {
+      double nearest_n = 1e9;
+      for (std::size_t k = i - kEarlyOrLate; k <= std::min(i + kEarlyOrLate, felt.force_n[1].size() - 1); ++k) {
+        nearest_n = std::min(nearest_n, (felt.force_n[1][i] - truth.force_n[1][k]).norm());
+      }
+      worst_n = std::max(worst_n, nearest_n);
+    }
+    const auto error = tools::carry_error(felt, truth, 1, setup.kill_s, setup.duration_s);
+    std::printf("killed, %g Hz: at most %.4f N off; at the same time RMS %.4f N, peak %.4f N\n", physics_hz, worst_n,
+                error.rms_n, error.peak_n);
+    EXPECT_LE(worst_n, kTolerance_n) << physics_hz << " Hz";
   }
 }
 

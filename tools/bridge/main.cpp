@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "haptic_node/rendering/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/config/shared_keys.hpp"
 #include "rtbus/topic_directory.hpp"
@@ -54,7 +53,7 @@ Plan read_plan(const BridgeCommand& command) {
   }
   out.config = bridge::read_bridge_config(session, out.haptic);
   const bool asked = std::any_of(out.haptic.begin(), out.haptic.end(), [](const haptic::HapticConfig& each) {
-    return haptic::find_method(each.method)->needs_physics;
+    return each.asks_physics();
   });
   out.physics = asked && session.physics.has_value();  // else `rtbus run` leaves it out
   if (!session.physics || rtbus::config::simulates_the_scene(*session.physics)) out.bodies = session.scene.bodies;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 
 #include "rtbus/order_messages.hpp"
 
@@ -44,10 +45,16 @@ void move_row(rtbus::ProxyContacts& message, const rtbus::Table& table, std::siz
   }
 }
 
-constexpr auto kTables = rtbus::SampleTraits<rtbus::ProxyContacts>::kTables;
-constexpr const rtbus::Table& kContactTable = kTables[0];
-constexpr const rtbus::Table& kBodyTable = kTables[1];
-constexpr const rtbus::Table& kSupportTable = kTables[2];
+/// The table that begins with the column at `offset`.
+constexpr rtbus::Table table_at(std::size_t offset) {
+  for (const rtbus::Table& table : rtbus::SampleTraits<rtbus::ProxyContacts>::kTables) {
+    if (table.begin_offset == offset) return table;
+  }
+  throw "no table begins there";
+}
+constexpr rtbus::Table kContactTable = table_at(offsetof(rtbus::ProxyContacts, contact_body));
+constexpr rtbus::Table kBodyTable = table_at(offsetof(rtbus::ProxyContacts, body_index));
+constexpr rtbus::Table kSupportTable = table_at(offsetof(rtbus::ProxyContacts, support_body));
 
 }  // namespace
 

@@ -54,6 +54,37 @@ TEST(OrderBox, ReleasesAnEstopOnlyWhenTheCountOfRearmsHasGrown) {
   EXPECT_TRUE(box.estopped(false)) << "re-armed and ordered again in between";
 }
 
+TEST(OrderBox, EndsAnEstopThatNobodyHasCountedAndHoldsOneWhoseFlagIsDamaged) {
+  OrderBox box({300.0, 1.0});
+  rtbus::Orders calm = orders(false, 3);
+  calm.estops = 7;
+  box.set(calm);
+  EXPECT_FALSE(box.estopped(false));
+  rtbus::Orders damaged = calm;
+  damaged.estop = 1;
+  box.set(damaged);
+  EXPECT_TRUE(box.estopped(false)) << "it is heeded all the same";
+  box.set(calm);
+  EXPECT_FALSE(box.estopped(false));
+  damaged.rearms = 1ull << 40;
+  box.set(damaged);
+  box.set(calm);
+  EXPECT_FALSE(box.estopped(false));
+
+  rtbus::Orders ordered = orders(true, 3);
+  ordered.estops = 8;
+  box.set(ordered);
+  EXPECT_TRUE(box.estopped(false));
+  damaged = ordered;
+  damaged.estop = 0;
+  box.set(damaged);
+  EXPECT_TRUE(box.estopped(false));
+  rtbus::Orders rearmed = orders(false, 4);
+  rearmed.estops = 8;
+  box.set(rearmed);
+  EXPECT_FALSE(box.estopped(false));
+}
+
 TEST(OrderBox, HoldsAPressFromBeforeTheFirstOrdersOfASessionThatWasRearmedBefore) {
   OrderBox box({300.0, 1.0});
   EXPECT_TRUE(box.estopped(true));

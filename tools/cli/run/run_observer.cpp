@@ -73,9 +73,12 @@ void HapticObserver::take(const rtbus::Telemetry& tick) {
 
 void HapticObserver::watch_estop(const rtbus::Telemetry& tick, std::uint64_t stamp_ns) {
   // Of a device that is lost the loop repeats the last sample: no press.
-  const bool pressed = config_.estop_button >= 0 && ((tick.buttons >> config_.estop_button) & 1u) != 0;
-  if (pressed && (tick.safety & haptic::kDeviceLost) == 0) estop_pressed_ns_ = stamp_ns;
-  if ((tick.safety & haptic::kEstop) != 0) estop_acted_ns_ = stamp_ns;
+  const bool pressed = config_.estop_button >= 0 && ((tick.buttons >> config_.estop_button) & 1u) != 0 &&
+                       (tick.safety & haptic::kDeviceLost) == 0;
+  pressed_ticks_ = pressed ? pressed_ticks_ + 1 : 0;
+  acted_ticks_ = (tick.safety & haptic::kEstop) != 0 ? acted_ticks_ + 1 : 0;
+  if (pressed_ticks_ >= kSureTicks) estop_pressed_ns_ = stamp_ns;
+  if (acted_ticks_ >= kSureTicks) estop_acted_ns_ = stamp_ns;
 }
 
 void HapticObserver::take(const rtbus::ProxyState& proxy) {

@@ -92,6 +92,9 @@ class HapticObserver {
   rtbus::Stamped<rtbus::NodeInfo> info_;
   rtbus::Stamped<rtbus::LinkStats> link_;
   std::uint64_t first_due_ns_ = 0;
+  /// A press lasts for tens of ticks, an E-stop until it is re-armed; a damaged tick is one.
+  static constexpr int kSureTicks = 5;
+  int pressed_ticks_ = 0, acted_ticks_ = 0;
   std::uint64_t estop_pressed_ns_ = 0, estop_acted_ns_ = 0;
   std::uint64_t observed_ticks_ = 0;
   double generated_peak_j_ = 0.0;

@@ -9,7 +9,6 @@
 #include <sstream>
 #include <utility>
 
-#include "haptic_node/rendering/registry.hpp"
 #include "physics_node/engine_registry.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/topic_directory.hpp"
@@ -120,7 +119,7 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
 
   // A physics that no method asks is left out, though its keys have been checked.
   const bool asked = std::any_of(plan.haptic.begin(), plan.haptic.end(), [](const haptic::HapticConfig& each) {
-    return haptic::find_method(each.method)->needs_physics;
+    return each.asks_physics();
   });
   if (asked) plan.physics = std::move(physics);
   // What runs on other machines has been checked too: the file is the same there.

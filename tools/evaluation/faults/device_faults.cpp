@@ -228,7 +228,7 @@ FaultRow row_of(const DeviceFault& fault) {
   row.quick = fault.quick;
   // A loop that its silent device paces wakes late without the machine's doing.
   row.own_wakeups = true;
-  row.held = fault.lasts_s * 1e3 > fault.zero_ms;
+  row.held = row.feels == Feels::kZero && fault.lasts_s * 1e3 > fault.zero_ms;
   row.session = fault.session;
   row.prepare = [&fault](RunCommand& command, const FaultSession& cell) {
     const bool usb = std::string_view(fault.driver) == "falcon" || std::string_view(fault.driver) == "phantom";
