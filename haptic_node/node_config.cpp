@@ -143,7 +143,7 @@ void read_safety(Map& entry, HapticConfig& out) {
 /// Without `method`: the most exact one that the session allows. The pipe carries no contacts, and what the paper does
 /// not have cannot be as the paper has it. A body that is very light beside the tip is thrown by the impulses of one
 /// step of physics; and soft ones give way twice as much in the loop as they do (decision 0008), which no rate of
-/// physics mends.
+/// physics mends. Hands on several machines know of each other through physics alone, a round trip late.
 const char* default_method(const rtbus::config::SessionConfig& session, const rtbus::config::LinkConfig& wire,
                            double tip_mass_kg) {
   if (!session.physics) return "direct";
@@ -152,7 +152,8 @@ const char* default_method(const rtbus::config::SessionConfig& session, const rt
     return body.mass_kg > 0.0 && body.mass_kg < kLightestBody * tip_mass_kg;
   });
   const bool soft = !session.scene.soft_bodies.empty();
-  return wire.paper || wire.pipe || light || soft ? "remote_virtual_coupling" : "local_contact";
+  const bool far_hands = wire.dds && session.haptic.size() > 1;
+  return wire.paper || wire.pipe || far_hands || light || soft ? "remote_virtual_coupling" : "local_contact";
 }
 
 /// Keys of the link and of some methods, and what does not go together.
@@ -342,9 +343,12 @@ HapticConfig read_haptic_config(rtbus::config::SessionConfig& session, std::size
   read_clock(entry, out);
   read_mapping(entry, out);
   read_method(entry, session, out);
-  if (find_method(out.method)->needs_contacts) {
+  if (find_method(out.method)->needs_contacts && !out.wire.dds) {
     for (std::size_t i = 0; i < session.haptic.size(); ++i) {
-      if (i != index) out.other_hands.push_back({static_cast<std::uint32_t>(i), session.haptic[i].name});
+      if (i == index) continue;
+      // Of one on another machine the samples come late, and have other stamps.
+      if (rtbus::config::read_link_config(session.haptic[i].map).dds) continue;
+      out.other_hands.push_back({static_cast<std::uint32_t>(i), session.haptic[i].name});
     }
   }
   const double steps_per_s = session.physics ? rtbus::config::read_step_rate(*session.physics).steps_per_s() : 0.0;

@@ -195,6 +195,21 @@ TEST(HapticConfig, ChoosesTheMethodThatTheSessionAllows) {
 }
 
 // A program of the user's has bodies of its own: what the file says of a static one need not be there.
+TEST(HapticConfig, HearsTheOtherHandsOfThisMachineAlone) {
+  const auto hand = [](const std::vector<std::string>& assignments) {
+    std::vector<Override> overrides;
+    for (const std::string& text : assignments) overrides.push_back(rtbus::config::parse_override(text));
+    auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/two_hands.yaml", overrides);
+    return haptic::read_haptic_config(session, 0);
+  };
+  EXPECT_EQ(hand({}).method, "local_contact");
+  EXPECT_EQ(hand({}).other_hands.size(), 1U);
+  EXPECT_EQ(hand({"haptic.0.method=remote_virtual_coupling"}).other_hands.size(), 0U);
+  EXPECT_EQ(hand({"haptic.1.link=dds"}).other_hands.size(), 0U);
+  EXPECT_EQ(hand({"haptic.0.link=dds"}).method, "remote_virtual_coupling");
+  EXPECT_EQ(hand({"haptic.0.link=dds", "haptic.0.method=local_contact"}).other_hands.size(), 0U);
+}
+
 TEST(HapticConfig, KnowsTheShapesOfTheFileOnlyWherePhysicsHasThem) {
   const auto known = [](const std::string& engine) {
     auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/tests/data/sessions/ridge.yaml",

@@ -91,7 +91,10 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     settings.safety.passivity.control = settings.safety.passivity.control && options.passivity;
     settings.safety.passivity.bounds = options.energy_bound;
     settings.safety.passivity.damps = options.energy_damper;
-    if (options.network.exists()) haptic::put_across_network(settings, longest_round_trip_s(options.network));
+    if (options.network.exists()) {
+      haptic::put_across_network(settings, longest_round_trip_s(options.network));
+      settings.other_hands.clear();  // as with `link: dds`
+    }
     hands_.push_back(std::make_unique<Hand>(std::move(settings), session, kStart_ns, options.measure_cost));
     hands_.back()->link.lost_share = options.lost_share;
     Link& link = hands_.back()->link;
