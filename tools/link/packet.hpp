@@ -35,7 +35,7 @@ template <rtbus::Sample T>
 [[nodiscard]] bool unpack(std::span<const std::uint8_t>& in, T& sample) {
   std::array<std::uint64_t, sizeof(T) / 8> words;
   if (!unpack_words(in, words)) return false;
-  std::memcpy(&sample, words.data(), sizeof sample);
+  std::memcpy(static_cast<void*>(&sample), words.data(), sizeof sample);
   return true;
 }
 
