@@ -9,8 +9,8 @@
 
 namespace haptic {
 
-/// Where the set-point comes from physics, the damping of slow physics (decision 0011), however fast its steps are: what
-/// the tip does on its spring is answered a round trip later. @param round_trip_s The longest of the network.
+/// Where the set-point comes from physics, the damping of slow physics (decision 0011), however fast its steps are:
+/// what the tip does on its spring is answered a round trip later. @param round_trip_s The longest of the network.
 inline void damp_across_network(HapticConfig& config, double round_trip_s) {
   GainLimits& limits = config.gain_limits;
   if (round_trip_s <= 0.0 || !std::isfinite(limits.set_points_per_s)) return;

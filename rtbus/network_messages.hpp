@@ -5,7 +5,7 @@
 
 namespace rtbus {
 
-/// `link.stats.<haptic>`, 5 Hz, on both machines: the link between that haptic node and physics, as this end measures
+/// `link.stats.HAPTIC`, 5 Hz, on both machines: the link between that haptic node and physics, as this end measures
 /// it. Counters are those since the link process started.
 struct NetworkStats {
   double round_trip_s = 0.0;        ///< Least of the last half second, without the time at the other end.

@@ -52,9 +52,8 @@ Plan read_plan(const BridgeCommand& command) {
     out.haptic.push_back(haptic::read_haptic_config(session, i));
   }
   out.config = bridge::read_bridge_config(session, out.haptic);
-  const bool asked = std::any_of(out.haptic.begin(), out.haptic.end(), [](const haptic::HapticConfig& each) {
-    return each.asks_physics();
-  });
+  const bool asked = std::any_of(out.haptic.begin(), out.haptic.end(),
+                                 [](const haptic::HapticConfig& each) { return each.asks_physics(); });
   out.physics = asked && session.physics.has_value();  // else `rtbus run` leaves it out
   if (!session.physics || rtbus::config::simulates_the_scene(*session.physics)) out.bodies = session.scene.bodies;
   return out;

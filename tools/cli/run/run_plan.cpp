@@ -118,9 +118,8 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   for (std::size_t i = 0; i < config.haptic.size(); ++i) plan.haptic.push_back(haptic::read_haptic_config(config, i));
 
   // A physics that no method asks is left out, though its keys have been checked.
-  const bool asked = std::any_of(plan.haptic.begin(), plan.haptic.end(), [](const haptic::HapticConfig& each) {
-    return each.asks_physics();
-  });
+  const bool asked = std::any_of(plan.haptic.begin(), plan.haptic.end(),
+                                 [](const haptic::HapticConfig& each) { return each.asks_physics(); });
   if (asked) plan.physics = std::move(physics);
   // What runs on other machines has been checked too: the file is the same there.
   if (!split.is_here("physics")) plan.physics.reset();
