@@ -26,7 +26,7 @@ struct VirtualDevice {
   std::unique_ptr<UsbDevice> device;
   Faults faults;
   /// Somebody at its bench, as long as the object that this makes; empty: nobody. The port outlives it.
-  std::function<std::shared_ptr<void>(UsbfsPort& port, const rtbus::Session& session, const std::string& node)> watch;
+  std::function<std::shared_ptr<void>(UsbfsPort& port, const rtbus::Session& session, const std::string& node)> watch{};
 };
 
 /// Makes a fresh, powered-up device. Time zero of the device is the first time it is handed.
