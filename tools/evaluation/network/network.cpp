@@ -138,7 +138,8 @@ std::vector<StiffnessRow> stiffest(const NetworkExperiment& options, RunProgress
       [&](const StabilityResult& result) {
         swings[result.index] =
             result.outcome == StabilityOutcome::kDiverged || result.outcome == StabilityOutcome::kFailed;
-        progress.show_share(static_cast<double>(++done) / static_cast<double>(runs.size()),
+        ++done;
+        progress.show_share(static_cast<double>(done) / static_cast<double>(runs.size()),
                             std::to_string(done) + " of " + std::to_string(runs.size()) + " gains");
       });
   progress.clear();
