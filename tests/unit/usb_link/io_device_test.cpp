@@ -64,7 +64,9 @@ class IoDeviceTest : public testing::Test {
   }
 
   EchoPort port_;
-  std::atomic<int> shut_downs_{0};
+  // What the device's thread touches until it has ended: members, since the device outlives the body of a test.
+  std::atomic<int> shut_downs_{0}, bring_up_{-1}, exchange_{-1};
+  std::atomic<bool> homed_{false}, fault_{false}, withhold_{false};
   std::unique_ptr<IoDevice> device_;
   DeviceSample sample_;
 };
@@ -155,14 +157,13 @@ TEST_F(IoDeviceTest, ADeviceThatFallsSilentGetsItsZeroWithinTwentyMilliseconds) 
 
 // What the driver makes zero by itself must not come back without a ramp: the loop learns that its force did not leave.
 TEST_F(IoDeviceTest, AWithheldForceFailsTheNextWriteAndComesBackOnlyAfterIt) {
-  std::atomic<bool> withhold{false};
-  make({.withhold = &withhold});
+  make({.withhold = &withhold_});
   start();
   ASSERT_TRUE(eventually(5.0, [&] { return cycle({2, 0, 0}) == IoStatus::kOk && force()[0] == 2.0; }));
   EXPECT_EQ(device_->figures().withheld, 0u);
-  withhold.store(true);
+  withhold_.store(true);
   ASSERT_TRUE(eventually(5.0, [&] { return device_->figures().withheld == 1; }));
-  withhold.store(false);
+  withhold_.store(false);
   // Not told yet: the old force stays away, however often it is repeated.
   EXPECT_TRUE(eventually(5.0, [&] { return force()[0] == 0.0; }));
   int seen = 0;
@@ -181,24 +182,22 @@ TEST_F(IoDeviceTest, AWithheldForceFailsTheNextWriteAndComesBackOnlyAfterIt) {
 }
 
 TEST_F(IoDeviceTest, IsRealtimeOnlyWhileTheDeviceRuns) {
-  std::atomic<int> bring_up{-1}, exchange{-1};
-  std::atomic<bool> homed{false};
-  make({.homed = &homed, .bring_up_policy = &bring_up, .exchange_policy = &exchange});
+  make({.homed = &homed_, .bring_up_policy = &bring_up_, .exchange_policy = &exchange_});
   start();
-  EXPECT_EQ(bring_up.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER);
-  EXPECT_EQ(exchange.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER) << "not homed: nothing is urgent";
-  homed.store(true);
+  EXPECT_EQ(bring_up_.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER);
+  EXPECT_EQ(exchange_.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER) << "not homed: nothing is urgent";
+  homed_.store(true);
   ASSERT_TRUE(running());
   int may = SCHED_OTHER;
   std::thread([&] { may = rtbus::prefer_on_time() ? SCHED_FIFO : SCHED_OTHER; }).join();
-  EXPECT_TRUE(eventually(5.0, [&] { return (exchange.load() & ~SCHED_RESET_ON_FORK) == may; }));
+  EXPECT_TRUE(eventually(5.0, [&] { return (exchange_.load() & ~SCHED_RESET_ON_FORK) == may; }));
   // Lost and brought up anew: ordinary again.
-  bring_up.store(-1);
+  bring_up_.store(-1);
   port_.port->unplug();
   ASSERT_TRUE(eventually(5.0, [&] { return device_->figures().state == LinkState::kLost; }));
   port_.port->replug();
   ASSERT_TRUE(running());
-  EXPECT_EQ(bring_up.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER);
+  EXPECT_EQ(bring_up_.load() & ~SCHED_RESET_ON_FORK, SCHED_OTHER);
 }
 
 TEST_F(IoDeviceTest, TellsItsLinkForTheBus) {
@@ -228,14 +227,13 @@ TEST_F(IoDeviceTest, ClampsAndCounts) {
 }
 
 TEST_F(IoDeviceTest, NotHomedMeansNoPoseNoForceAndSaysWhatToDo) {
-  std::atomic<bool> homed{false};
-  make({.homed = &homed});
+  make({.homed = &homed_});
   start();
   EXPECT_THAT(device_->take_notice(), HasSubstr("move the handle to its rest"));
   EXPECT_EQ(device_->read(rtbus::monotonic_ns(), sample_), IoStatus::kLost);
   EXPECT_EQ(device_->write(rtbus::monotonic_ns(), {{1, 0, 0}}), IoStatus::kLost);
   EXPECT_EQ(device_->wait_sample(rtbus::monotonic_ns() + 10 * rtbus::kNsPerMs), IoStatus::kLost);
-  homed.store(true);
+  homed_.store(true);
   EXPECT_TRUE(running());
   EXPECT_THAT(device_->take_notice(), HasSubstr("ready"));
   EXPECT_TRUE(eventually(5.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk; }));
@@ -315,14 +313,13 @@ TEST_F(IoDeviceTest, AStallCostsAnAnswerAndNothingElse) {
 }
 
 TEST_F(IoDeviceTest, AFaultIsToldAndTheDeviceBroughtUpAnew) {
-  std::atomic<bool> fault{false};
-  make({.fault = &fault});
+  make({.fault = &fault_});
   start();
-  fault.store(true);
+  fault_.store(true);
   EXPECT_TRUE(eventually(5.0, [&] { return device_->figures().state == LinkState::kLost; }));
   EXPECT_THAT(device_->take_notice(), HasSubstr("the device reports overheating"));
   EXPECT_GE(shut_downs_.load(), 1) << "the link works: zero force is sent";
-  fault.store(false);
+  fault_.store(false);
   EXPECT_TRUE(running());
 }
 
