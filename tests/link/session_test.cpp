@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <deque>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -23,6 +24,7 @@
 #include "rtbus/clock.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/network_messages.hpp"
+#include "rtbus/order_client.hpp"
 #include "rtbus/order_messages.hpp"
 #include "rtbus/topic.hpp"
 #include "tests/support/process.hpp"
@@ -35,6 +37,7 @@ using tests::eventually;
 
 constexpr double kRoundTrip_s = 0.1;  // that the link is meant for; the relay's is shorter
 constexpr double kLoss_s = 0.2 + 0.5 * kRoundTrip_s, kFade_s = 0.040;  // haptic::across_network, docs/safety.md
+constexpr double kZero_s = kLoss_s + kFade_s + 0.010;                  // and a few ticks
 
 std::string text_of(const std::string& file) {
   std::ostringstream out;
@@ -93,6 +96,21 @@ constexpr std::uint64_t kLoopPause_ns = 20 * rtbus::kNsPerMs, kThreadPause_ns = 
 
 /// Growth of the force is taken over so long: in a tick it is the noise of encoder and jitter.
 constexpr std::uint64_t kFelt_ns = 20 * rtbus::kNsPerMs;
+
+constexpr double kDamping_n_s_per_m = 1.15;  // a fifth of critical (decision 0011), as the haptic node says
+constexpr double kRamp_s = 0.1, kWayOut_m_s = 0.1;
+
+/// A proxy that is put onto a hand inside the wall goes out at v = kWayOut_m_s, while the ramp of T = kRamp_s lets the
+/// force grow: F = (K v t + B v) t/T until it is whole. @returns how much it grows in its last 20 ms, for a hand that
+/// does not give way.
+double steepest_return_n(double whole_n) {
+  const auto force_n = [](double t) {
+    return (kStiffness_n_per_m * t + kDamping_n_s_per_m) * kWayOut_m_s * t / kRamp_s;
+  };
+  double t_s = 0.0;
+  while (force_n(t_s) < whole_n) t_s += 1e-3;
+  return whole_n - force_n(t_s - rtbus::seconds_between(0, kFelt_ns));
+}
 
 class LinkSession : public testing::Test {
  protected:
@@ -245,6 +263,46 @@ class LinkSession : public testing::Test {
     }
   }
 
+  /// Follows until the force is zero. @returns how long after the last heartbeat of process `old_pid`, less what the
+  /// loop itself was late; of any process when `old_pid` is 0.
+  double seconds_to_zero(std::uint64_t old_pid) {
+    std::uint64_t silent_ns = 0, zero_ns = 0;
+    double late_s = 0.0;
+    EXPECT_TRUE(eventually(30.0, [&] {
+      rtbus::Stamped<rtbus::Heartbeat> beat;
+      if (beats_->read_latest(beat) == rtbus::ReadStatus::kFresh && (old_pid == 0 || beat.value.pid == old_pid)) {
+        silent_ns = beat.stamp_ns;
+      }
+      rtbus::Stamped<rtbus::Telemetry> tick;
+      while (zero_ns == 0 && ticks_->read_next(tick) == rtbus::ReadStatus::kFresh) {
+        newest_ = tick.value;
+        late_s = std::max(late_s, 1e-6 * newest_.wakeup_us);
+        if (norm_n(tick.value) == 0.0) zero_ns = tick.stamp_ns;
+      }
+      return zero_ns != 0;
+    })) << logs();
+    return rtbus::seconds_between(silent_ns, zero_ns) - late_s;
+  }
+  /// Kills the program of that name below `rtbus run`.
+  static void kill_below(pid_t run, const std::string& program) {
+    const std::string base = "/proc/" + std::to_string(run);
+    std::istringstream children(text_of(base + "/task/" + std::to_string(run) + "/children"));
+    int killed = 0;
+    for (pid_t child = 0; children >> child;) {
+      std::error_code ignored;
+      const auto file = std::filesystem::read_symlink("/proc/" + std::to_string(child) + "/exe", ignored);
+      if (file.filename() == program) killed += ::kill(child, SIGKILL) == 0 ? 1 : 0;
+    }
+    EXPECT_EQ(killed, 1) << program;
+  }
+  /// The force comes back as after a cut: softer than at the first touch, and through its ramp.
+  void expect_soft_return(const Ticks& first, double rest_n) {
+    const Ticks soft = follow_to_rest();
+    EXPECT_EQ(newest_.gate, 1.0);
+    EXPECT_LE(soft.most_n, first.most_n + kStiffness_n_per_m * kQuantum_m);  // to an encoder step
+    EXPECT_LE(soft.growth_n, steepest_return_n(rest_n));
+  }
+
   [[nodiscard]] std::string here_log() const { return folder_.path().string() + "/here"; }
   [[nodiscard]] std::string there_log() const { return folder_.path().string() + "/there"; }
   [[nodiscard]] std::string logs() const { return "here:\n" + text_of(here_log()) + "there:\n" + text_of(there_log()); }
@@ -263,21 +321,6 @@ class LinkSession : public testing::Test {
   rtbus::NetworkStats newest_stats_;
 };
 
-constexpr double kDamping_n_s_per_m = 1.15;  // a fifth of critical (decision 0011), as the haptic node says
-constexpr double kRamp_s = 0.1, kWayOut_m_s = 0.1;
-
-/// A proxy that is put onto a hand inside the wall goes out at v = kWayOut_m_s, while the ramp of T = kRamp_s lets the
-/// force grow: F = (K v t + B v) t/T until it is whole. @returns how much it grows in its last 20 ms, for a hand that
-/// does not give way.
-double steepest_return_n(double whole_n) {
-  const auto force_n = [](double t) {
-    return (kStiffness_n_per_m * t + kDamping_n_s_per_m) * kWayOut_m_s * t / kRamp_s;
-  };
-  double t_s = 0.0;
-  while (force_n(t_s) < whole_n) t_s += 1e-3;
-  return whole_n - force_n(t_s - rtbus::seconds_between(0, kFelt_ns));
-}
-
 TEST_F(LinkSession, AWallOverTheLinkAndWhenItIsCutZeroForceAndASoftReturn) {
   start("wall.yaml", kHeld_);
   const Ticks first = follow_to_rest();
@@ -290,23 +333,11 @@ TEST_F(LinkSession, AWallOverTheLinkAndWhenItIsCutZeroForceAndASoftReturn) {
 
   // Zero force within the promise, counted from the last heartbeat that came.
   tell_relay("cut");
-  std::uint64_t silent_ns = 0, zero_ns = 0;
-  double late_s = 0.0;  // of the loop, on a machine that pauses
-  ASSERT_TRUE(eventually(30.0, [&] {
-    rtbus::Stamped<rtbus::Heartbeat> beat;
-    if (beats_->read_latest(beat) == rtbus::ReadStatus::kFresh) silent_ns = beat.stamp_ns;
-    rtbus::Stamped<rtbus::Telemetry> tick;
-    while (zero_ns == 0 && ticks_->read_next(tick) == rtbus::ReadStatus::kFresh) {
-      newest_ = tick.value;
-      late_s = std::max(late_s, 1e-6 * newest_.wakeup_us);
-      if (norm_n(tick.value) == 0.0) zero_ns = tick.stamp_ns;
-    }
-    return zero_ns != 0;
-  })) << logs();
-  EXPECT_LE(rtbus::seconds_between(silent_ns, zero_ns), kLoss_s + kFade_s + 0.010 + late_s);
+  const double zero_s = seconds_to_zero(0);
+  EXPECT_LE(zero_s, kZero_s);
 
   // Nothing for 5 s, then a force that grows and does not jump.
-  const std::uint64_t back_ns = zero_ns + 5 * rtbus::kNsPerS;
+  const std::uint64_t back_ns = rtbus::monotonic_ns() + 5 * rtbus::kNsPerS;
   while (rtbus::monotonic_ns() < back_ns) {
     const Ticks away = follow();
     EXPECT_LE(away.most_n, 0.0);
@@ -314,15 +345,34 @@ TEST_F(LinkSession, AWallOverTheLinkAndWhenItIsCutZeroForceAndASoftReturn) {
     usleep(100000);
   }
   tell_relay("restore");
-  const Ticks soft = follow_to_rest();
-  EXPECT_EQ(newest_.gate, 1.0);
-  EXPECT_LE(soft.most_n, first.most_n + kStiffness_n_per_m * kQuantum_m);  // than the first touch, to an encoder step
-  EXPECT_LE(soft.growth_n, steepest_return_n(rest_n));
-  std::printf(
-      "rest %.3f N, zero %.0f ms after the last sign, return at most %.3f N and %.4f N in 20 ms, first touch %.3f N "
-      "and %.4f N\n",
-      rest_n, 1e3 * rtbus::seconds_between(silent_ns, zero_ns), soft.most_n, soft.growth_n, first.most_n,
-      first.growth_n);
+  expect_soft_return(first, rest_n);
+  EXPECT_EQ(finish(here_), 0) << logs();
+  EXPECT_EQ(finish(there_), 0) << logs();
+}
+
+TEST_F(LinkSession, PhysicsAloneOrALinkAloneStartedAnewIsACutAndASoftReturn) {
+  start("wall.yaml", kHeld_);
+  const Ticks first = follow_to_rest();
+  const double rest_n = vertical_n(newest_);
+
+  rtbus::Stamped<rtbus::Heartbeat> beat;
+  ASSERT_TRUE(eventually(10.0, [&] { return beats_->read_latest(beat) == rtbus::ReadStatus::kFresh; }));
+  const std::uint64_t old_pid = beat.value.pid;
+  kill_below(there_->pid(), "physics_node");
+  EXPECT_LE(seconds_to_zero(old_pid), kZero_s);
+  expect_soft_return(first, rest_n);
+  ASSERT_TRUE(eventually(10.0, [&] { return beats_->read_latest(beat) == rtbus::ReadStatus::kFresh; }));
+  EXPECT_NE(beat.value.pid, old_pid);
+
+  kill_below(there_->pid(), "rtbus_link");
+  EXPECT_LE(seconds_to_zero(0), kZero_s);
+  expect_soft_return(first, rest_n);
+
+  kill_below(here_->pid(), "rtbus_link");
+  EXPECT_LE(seconds_to_zero(0), kZero_s);
+  beats_.reset();  // its topics are others now
+  stats_.reset();
+  expect_soft_return(first, rest_n);
   EXPECT_EQ(finish(here_), 0) << logs();
   EXPECT_EQ(finish(there_), 0) << logs();
 }
@@ -336,6 +386,12 @@ TEST_F(LinkSession, StrangersAreRefusedWithAReasonAndNothingIsFelt) {
   EXPECT_LT(bear_stranger({}, 1.5), 0.02);  // a second physics
   EXPECT_LT(bear_stranger({"--flood"}, 1.5), 0.02);
   EXPECT_LT(bear_stranger({"--noise"}, 1.5), 0.02);
+  // Of the peer that is known, the session's own physics: they came before.
+  const std::uint64_t late = stats().late;
+  EXPECT_LT(bear_stranger({"--replay", "--flood"}, 1.5), 0.02);
+  std::fputs(text_of(folder_.path().string() + "/stranger").c_str(), stdout);
+  EXPECT_TRUE(eventually(10.0, [&] { return stats().late > late + 1000; }))
+      << text_of(folder_.path().string() + "/stranger");
   EXPECT_EQ(newest_.gate, 1.0);
   EXPECT_TRUE(eventually(10.0, [&] { return stats().refused > 100; }));
   EXPECT_EQ(stats().connected, 1u);
@@ -391,6 +447,46 @@ TEST_F(LinkSession, AFreeBlockIsPushedAndAnEstopThereStopsTheHandHere) {
     follow();
     return norm_n(newest_) == 0.0 && newest_.gate == 0.0;
   })) << logs();
+  EXPECT_EQ(finish(here_), 0) << logs();
+  EXPECT_EQ(finish(there_), 0) << logs();
+}
+
+TEST_F(LinkSession, ABodyIsMovedByOrdersFromTheMachineOfTheHand) {
+  start("moving_plate.yaml", {"scene.bodies.1.motion={target: {max_speed_m_s: 0.2, reach_m: 0.02}}"});
+  const auto plate_y_m = [&] {
+    const std::string out = folder_.path().string() + "/bodies";
+    Child echo = there({std::string(RTBUS_BINARY_DIR) + "/rtbus", "echo", "physics.body_poses", "--session", bus_.name,
+                        "-n", "1", "--json"},
+                       out);
+    echo.wait();
+    std::string line = text_of(out);
+    line.erase(0, std::min(line.find('{'), line.size()));
+    line.resize(std::min(line.find('\n'), line.size()));
+    const nlohmann::json sample = nlohmann::json::parse(line, nullptr, false);
+    return sample.is_object() && sample.contains("position_m") ? sample["position_m"][1 * 3 + 1].get<double>() : 1.0;
+  };
+  const auto order = [&](const std::string& text) {
+    const auto answer = rtbus::send_order_text(bus_.name, text, 5.0);
+    return answer ? *answer : answer.error().sentence;
+  };
+  constexpr double kStarts_m = -0.01;  // config/scenes/moving_plate.yaml
+  EXPECT_NEAR(plate_y_m(), kStarts_m, 1e-6);
+  // The newest wins, and each ends by itself.
+  EXPECT_THAT(order(R"({"order": "target", "body": "plate", "velocity_m_s": [0, -0.001, 0], "for_s": 1})"),
+              testing::HasSubstr("\"ok\":true"));
+  EXPECT_THAT(order(R"({"order": "target", "body": "plate", "velocity_m_s": [0, 0.01, 0], "for_s": 0.5})"),
+              testing::HasSubstr("\"ok\":true"));
+  double before_m = 1.0;
+  EXPECT_TRUE(eventually(20.0, [&] {  // until it rests
+    const double y_m = plate_y_m();
+    return y_m > kStarts_m + 1e-4 && std::exchange(before_m, y_m) == y_m;
+  })) << logs();
+  // 0.5 s at 0.01 m/s, less where physics is late, more where the end was told late.
+  EXPECT_GT(before_m, kStarts_m + 0.001);
+  EXPECT_LT(before_m, kStarts_m + 0.0065);
+  EXPECT_THAT(order(R"({"order": "target", "body": "plate", "position_m": [0, -0.02, 0], "for_s": 1})"),
+              testing::HasSubstr("\"ok\":true"));
+  EXPECT_TRUE(eventually(20.0, [&] { return std::abs(plate_y_m() + 0.02) < 1e-6; })) << logs();
   EXPECT_EQ(finish(here_), 0) << logs();
   EXPECT_EQ(finish(there_), 0) << logs();
 }
