@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <deque>
 #include <fstream>
@@ -42,10 +43,17 @@ constexpr std::uint64_t kTellRestart_ns = 50 * rtbus::kNsPerMs;
 /// A peer that was silent for the round trip and this may be replaced by another.
 constexpr std::uint64_t kSilence_ns = rtbus::kNsPerS;
 
+/// `rtbus run` of this machine answers an order within so long.
+constexpr double kOrderPatience_s = 0.5;
+
 /// NodeInfo::core of a node that runs elsewhere: observers here need not keep off it.
 constexpr std::uint32_t kNoCoreHere = 0xffffffff;
 
-enum class StateKind : std::uint8_t { kStepStats = 1, kPhysicsInfo = 2, kHapticInfo = 3, kOrders = 4 };
+enum class StateKind : std::uint8_t { kStepStats = 1, kPhysicsInfo = 2, kHapticInfo = 3, kOrders = 4, kBodyOrders = 5 };
+constexpr std::size_t kStateKinds = 6;
+/// Two samples tell the same order when their ends differ by less: a packet may come that much later than the one
+/// before it.
+constexpr std::uint64_t kSameEnd_ns = 50 * rtbus::kNsPerMs;
 
 std::uint64_t new_life() {
   std::random_device random;
@@ -142,7 +150,7 @@ struct LinkNode::Impl {
     std::optional<PacketWriter> state_out;
     std::optional<PacketReader> state_in;
     std::uint64_t state_sequence = 0;
-    NewestWins state_newest[5];
+    std::array<NewestWins, kStateKinds> state_newest;
     std::optional<In<rtbus::NetworkStats>> stats;
     std::uint64_t life = 0;  ///< Of the peer that spoke last.
 
@@ -167,14 +175,13 @@ struct LinkNode::Impl {
     std::mutex echoes_guard;
     std::atomic<bool> wants_contacts{false};
     std::uint64_t sent_ns = 0;  ///< Of the last answer.
-    std::uint64_t estops_told = 0;
     Bytes packet;
   };
 
   explicit Impl(LinkPlan of)
       : plan(std::move(of)),
         self{kVersion, layout(), new_life(), 0, plan.session.name, plan.here, false},
-        peers(self, silence_ns(plan)) {
+        peers(self, plan.nodes, silence_ns(plan)) {
     self.supervisor = supervisor_id(self.life);
   }
 
@@ -194,6 +201,7 @@ struct LinkNode::Impl {
   void send_hand(Hand& hand);
   void send_answer(Hand& hand);
   void send_state(Hand& hand);
+  void send_body_orders();
   template <rtbus::Sample T>
   void send_sample(Hand& hand, StateKind kind, const T& sample);
 
@@ -205,6 +213,10 @@ struct LinkNode::Impl {
   void take_hand(Hand& hand, const Head& head, std::span<const std::uint8_t> body);
   void take_state(Hand& hand, const Head& head, std::span<const std::uint8_t> body);
   void take_beat(Hand& hand, const Answer& answer, std::uint64_t now_ns);
+  [[nodiscard]] bool take_body_orders(rtbus::BodyOrders orders, std::uint64_t now_ns);
+  /// Passes orders of the other machine on to `rtbus run` of this one, as if they had been given here.
+  void pass_on(const std::vector<std::string>& estops, const std::function<void(const std::string&)>& tell);
+  void pass_on_bodies(const std::function<void(const std::string&)>& tell);
   void say(std::string sentence) {
     const std::lock_guard lock(peers_guard);
     words.push_back(std::move(sentence));
@@ -220,16 +232,20 @@ struct LinkNode::Impl {
   std::optional<In<rtbus::StepStats>> step_stats;
   std::optional<In<rtbus::NodeInfo>> physics_info;
   Stamps beat_stamps;
+  std::unique_ptr<Out<rtbus::BodyOrders>> body_orders_out;  ///< Of the hands' machine; null where orders move none.
   // Of physics, where it is.
   std::unique_ptr<Out<rtbus::Heartbeat>> heartbeat_out;
   std::unique_ptr<Out<rtbus::StepStats>> step_stats_out;
   std::unique_ptr<Out<rtbus::NodeInfo>> physics_info_out;
   rtbus::Stamped<rtbus::Heartbeat> beat;
+  rtbus::BodyOrders body_orders;  ///< Taken last, of link_in.
 
   std::mutex peers_guard;  // for what follows
   Peers peers;
   std::vector<std::string> words;
-  std::vector<std::string> estops;  ///< Reasons of E-stops that the other machine ordered.
+  std::vector<std::string> estops;   ///< Reasons of E-stops that the other machine ordered.
+  rtbus::BodyOrders waiting_orders;  ///< Of bodies, likewise; each body's newest.
+  std::string told_refusal;          ///< Of the thread that serves.
 
   std::atomic<bool> stop{false};
   std::thread out, in;
@@ -258,6 +274,7 @@ std::string LinkNode::Impl::open_topics() {
     create(step_stats, "physics.step_stats", 16);
     create(physics_info, "physics.node_info", 4);
   }
+  if (!has_physics() && !plan.bodies.empty()) follow(body_orders_out, "physics.body_orders");
   for (const LinkedHand& about : plan.hands) {
     Hand& hand = hands.emplace_back(about);
     create(hand.stats, "link.stats." + about.name, 16);
@@ -303,7 +320,7 @@ void LinkNode::Impl::maintain() {
     };
     (one(topics), ...);
   };
-  each(heartbeat, step_stats, physics_info, heartbeat_out, step_stats_out, physics_info_out);
+  each(heartbeat, step_stats, physics_info, heartbeat_out, step_stats_out, physics_info_out, body_orders_out);
   for (Hand& hand : hands) {
     each(hand.stats, hand.device_state, hand.haptic_info, hand.proxy_state, hand.contacts, hand.proxy_out,
          hand.contacts_out, hand.orders_out, hand.device_state_in, hand.haptic_info_in);
@@ -422,6 +439,15 @@ void LinkNode::Impl::send_state(Hand& hand) {
   }
 }
 
+void LinkNode::Impl::send_body_orders() {
+  rtbus::Stamped<rtbus::BodyOrders> sample;
+  if (!body_orders_out || body_orders_out->read_latest(sample) != rtbus::ReadStatus::kFresh) return;
+  // The other clock is another: an order's end travels as the time that it has left.
+  const std::uint64_t now_ns = rtbus::monotonic_ns();
+  for (std::uint64_t& until_ns : sample.value.until_ns) until_ns = until_ns > now_ns ? until_ns - now_ns : 0;
+  send_sample(hands.front(), StateKind::kBodyOrders, sample.value);
+}
+
 void LinkNode::Impl::out_thread() {
   rtbus::name_this_thread("link_out");
   (void)rtbus::prefer_on_time();
@@ -441,6 +467,7 @@ void LinkNode::Impl::out_thread() {
       if (new_steps) send_sample(hand, StateKind::kStepStats, steps.value);
       if (new_info) send_sample(hand, StateKind::kPhysicsInfo, info.value);
     }
+    send_body_orders();
     rtbus::sleep_until(next_ns);
   }
 }
@@ -534,10 +561,38 @@ void LinkNode::Impl::take_hand(Hand& hand, const Head& head, std::span<const std
   hand.device_state_in->publish(state, now_ns);
 }
 
+bool LinkNode::Impl::take_body_orders(rtbus::BodyOrders orders, std::uint64_t now_ns) {
+  for (std::uint64_t& until_ns : orders.until_ns) {
+    if (until_ns > rtbus::Orders::kLongestHold_ns) return false;
+    if (until_ns > 0) until_ns += now_ns;
+  }
+  if (!rtbus::SampleTraits<rtbus::BodyOrders>::sane(orders, now_ns)) return false;
+  const std::lock_guard lock(peers_guard);
+  for (std::size_t i = 0; i < orders.count; ++i) {
+    const auto same = [&](const auto& rows) { return (orders.*rows)[i] == (body_orders.*rows)[i]; };
+    using B = rtbus::BodyOrders;
+    const std::uint64_t until_ns = orders.until_ns[i], before_ns = std::max(body_orders.until_ns[i], now_ns);
+    const bool ends = until_ns == 0 && before_ns > now_ns + kSameEnd_ns;
+    const bool news = until_ns > before_ns + kSameEnd_ns || !same(&B::body) || !same(&B::order) ||
+                      !same(&B::position_m) || !same(&B::orientation_wxyz) || !same(&B::velocity_m_s) ||
+                      !same(&B::angular_velocity_rad_s);
+    if (!ends && (until_ns == 0 || !news)) continue;
+    waiting_orders.body[i] = orders.body[i];
+    waiting_orders.order[i] = orders.order[i];
+    waiting_orders.until_ns[i] = std::max<std::uint64_t>(until_ns, 1);  // 0: nothing waits
+    waiting_orders.position_m[i] = orders.position_m[i];
+    waiting_orders.orientation_wxyz[i] = orders.orientation_wxyz[i];
+    waiting_orders.velocity_m_s[i] = orders.velocity_m_s[i];
+    waiting_orders.angular_velocity_rad_s[i] = orders.angular_velocity_rad_s[i];
+  }
+  body_orders = orders;
+  return true;
+}
+
 void LinkNode::Impl::take_state(Hand& hand, const Head& head, std::span<const std::uint8_t> body) {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
   const std::size_t kind = body.empty() ? 0 : body.front();
-  if (kind < 1 || kind > 4) {
+  if (kind < 1 || kind >= kStateKinds) {
     hand.flow->count(&rtbus::NetworkStats::refused);
     return;
   }
@@ -576,6 +631,14 @@ void LinkNode::Impl::take_state(Hand& hand, const Head& head, std::span<const st
         hand.estops_seen = orders.estops;
         const std::lock_guard lock(peers_guard);
         estops.push_back(rtbus::text_of(orders.reason));
+      }
+      break;
+    }
+    case StateKind::kBodyOrders: {
+      rtbus::BodyOrders orders;
+      if (!has_physics() || plan.bodies.empty() || !unpack(body, orders) || !body.empty() ||
+          !take_body_orders(orders, now_ns)) {
+        hand.flow->count(&rtbus::NetworkStats::refused);
       }
       break;
     }
@@ -638,6 +701,47 @@ rtbus::Result<void, std::string> LinkNode::connect() {
   return {};
 }
 
+void LinkNode::Impl::pass_on(const std::vector<std::string>& reasons,
+                             const std::function<void(const std::string&)>& tell) {
+  for (const std::string& reason : reasons) {
+    const nlohmann::json order{{"order", "estop"}, {"reason", "other machine: " + reason}};
+    const auto answer = rtbus::send_order_text(plan.session.name, order.dump(), kOrderPatience_s);
+    tell(answer ? "E-stop ordered on the other machine is passed on: " + reason
+                : "E-stop ordered on the other machine has no taker here: " + answer.error().sentence);
+  }
+}
+
+void LinkNode::Impl::pass_on_bodies(const std::function<void(const std::string&)>& tell) {
+  rtbus::BodyOrders orders;
+  {
+    const std::lock_guard lock(peers_guard);
+    orders = std::exchange(waiting_orders, {});
+  }
+  for (std::size_t i = 0; i < rtbus::BodyOrders::kBodies; ++i) {
+    if (orders.until_ns[i] == 0 || orders.body[i] >= plan.bodies.size()) continue;
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    const double left_s = orders.until_ns[i] > now_ns ? rtbus::seconds_between(now_ns, orders.until_ns[i]) : 0.0;
+    nlohmann::json order{{"order", "target"}, {"body", plan.bodies[orders.body[i]]}, {"for_s", left_s}};
+    if (orders.order[i] == static_cast<std::uint32_t>(rtbus::BodyOrder::kTwist)) {
+      order["velocity_m_s"] = orders.velocity_m_s[i];
+      order["angular_velocity_rad_s"] = orders.angular_velocity_rad_s[i];
+    } else {
+      order["position_m"] = orders.position_m[i];
+      order["orientation_wxyz"] = orders.orientation_wxyz[i];
+    }
+    const auto answer = rtbus::send_order_text(plan.session.name, order.dump(), kOrderPatience_s);
+    std::string refusal = answer ? "" : answer.error().sentence;
+    if (answer) {
+      const nlohmann::json said = nlohmann::json::parse(*answer, nullptr, false);
+      if (said.is_object() && !said.value("ok", false)) refusal = said.value("error", "refused");
+    }
+    if (!refusal.empty() && refusal != told_refusal) {
+      tell("an order of the other machine for " + plan.bodies[orders.body[i]] + " is not followed: " + refusal);
+    }
+    told_refusal = refusal;
+  }
+}
+
 void LinkNode::serve(const std::function<bool()>& ended, const std::function<void(const std::string&)>& tell) {
   Impl& impl = *impl_;
   impl.out = std::thread([&impl] { impl.out_thread(); });
@@ -664,13 +768,8 @@ void LinkNode::serve(const std::function<bool()>& ended, const std::function<voi
       estops.swap(impl.estops);
     }
     for (const std::string& each : words) tell(each);
-    for (const std::string& reason : estops) {
-      const nlohmann::json order{{"order", "estop"}, {"reason", "other machine: " + reason}};
-      constexpr double kPatience_s = 0.5;
-      const auto answer = rtbus::send_order_text(impl.plan.session.name, order.dump(), kPatience_s);
-      tell(answer ? "E-stop ordered on the other machine is passed on: " + reason
-                  : "E-stop ordered on the other machine has no taker here: " + answer.error().sentence);
-    }
+    impl.pass_on(estops, tell);
+    impl.pass_on_bodies(tell);
     rtbus::sleep_until(now_ns + kMaintain_ns);
   }
   impl.stop.store(true);

@@ -41,6 +41,10 @@ void tell_sparsely(void*, const dds_log_data_t* data) {
                count > 0 ? (" (and " + std::to_string(count) + " more lines)").c_str() : "");
 }
 
+/// At its end each writer waits so long for readers that have not confirmed everything. One that was killed never does,
+/// and supervisors wait for 2 s.
+constexpr const char* kLinger = "300ms";
+
 /// No multicast: it speaks to the named addresses alone. A packet is one datagram (kMostBody_bytes).
 std::string configuration(const std::string& own, const std::vector<std::string>& others) {
   std::string out =
@@ -50,7 +54,8 @@ std::string configuration(const std::string& own, const std::vector<std::string>
   for (const std::string& other : others) out += "<Peer address=\"" + other + "\"/>";
   return out +
          "</Peers><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>16</MaxAutoParticipantIndex></"
-         "Discovery>";
+         "Discovery><Internal><WriterLingerDuration>" +
+         kLinger + "</WriterLingerDuration></Internal>";
 }
 
 std::vector<std::string> split(const char* list) {
