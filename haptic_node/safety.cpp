@@ -92,13 +92,19 @@ Eigen::Vector3d SafetyLadder::limit_slew(const Eigen::Vector3d& force_n, const S
 Eigen::Vector3d SafetyLadder::limit_growth(const Eigen::Vector3d& force_n, const SafetyInput& input,
                                            std::uint32_t& acted) const noexcept {
   // The observed energy may rise at once, by as much as the world claims to have given: with it the force that it
-  // bounds. A force that is held back takes no energy from anybody: what is sent is what the observer counts.
-  double allowed = sent_n_.norm() + config_.slew_n_per_ms * 1e3 * input.dt_s;
+  // bounds. What was held back may have turned meanwhile, too. A force that is held back takes no energy from anybody:
+  // what is sent is what the observer counts.
+  const double sent2 = sent_n_.squaredNorm();
+  const Eigen::Vector3d kept = sent2 > 0.0
+                                   ? Eigen::Vector3d(std::clamp(force_n.dot(sent_n_) / sent2, 0.0, 1.0) * sent_n_)
+                                   : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  const Eigen::Vector3d change = force_n - kept;
+  double allowed = config_.slew_n_per_ms * 1e3 * input.dt_s;
   const double speed = input.velocity_m_s.norm();
-  if (speed > kNoiseSpeed_m_s && force_n.dot(input.velocity_m_s) < 0.0) {
+  if (speed > kNoiseSpeed_m_s && change.dot(input.velocity_m_s) < 0.0 && force_n.dot(input.velocity_m_s) < 0.0) {
     allowed += kDissipativeSlewFactor * config_.stiffness_n_per_m * speed * input.dt_s;
   }
-  return clamp(force_n, allowed, kSlewLimited, acted);
+  return kept + clamp(change, allowed, kSlewLimited, acted);
 }
 
 void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {

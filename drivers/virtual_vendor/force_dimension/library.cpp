@@ -58,7 +58,8 @@ FdUnit* unit_at(int index) {
 /// The open unit of an ID; null, with the error set. Valid while the lock is held: whoever has let go of it asks again,
 /// since the unit may have been closed meanwhile, or another one plugged in for it.
 FdUnit* open_unit(char id) {
-  FdUnit* const unit = unit_at(id == -1 ? last_opened : id - kFirstId);
+  constexpr char kLastOpened = -1;  // where char is unsigned, 255
+  FdUnit* const unit = unit_at(id == kLastOpened ? last_opened : id - kFirstId);
   if (unit != nullptr && unit->open) return unit;
   (void)fail(kInvalidIndex);
   return nullptr;

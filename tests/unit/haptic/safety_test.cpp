@@ -326,6 +326,26 @@ TEST(SafetyLadder, LimitsGrowthToTheSlewRateAlsoWhenTheWorldClaimsItsEnergyAtOnc
   EXPECT_NEAR(step(ladder, healthy({0.0, 7.0, 0.0})).force_n.norm(), 7.0, 1e-9);
 }
 
+// Likewise: the limit is on what is new, not on the norm.
+TEST(SafetyLadder, LimitsGrowthToTheSlewRateAlsoWhereTheForceThatWasHeldBackTurns) {
+  SafetyConfig config = desktop();
+  config.stiffness_n_per_m = config.passivity.stiffness_n_per_m = 200.0;
+  config.passivity.energy_cap_j = 0.156;
+  config.passivity.counts_world_work = true;
+  SafetyLadder ladder = opened(config);
+  SafetyInput claims = healthy({0.0, 7.0, 0.0});
+  claims.world_work_j = 0.8 * 0.8 / (2.0 * 200.0);
+  Eigen::Vector3d before_n = step(ladder, claims).force_n;
+  for (int k = 0; k < 100; ++k) before_n = step(ladder, healthy({0.0, 7.0, 0.0})).force_n;
+  ASSERT_NEAR(before_n.y(), 0.8, 0.3) << "nobody has supplied more";
+  claims = healthy(7.0 * Eigen::Vector3d(0.0, 0.5, std::sqrt(0.75)));
+  claims.world_work_j = 1.0;
+  const Eigen::Vector3d now_n = step(ladder, claims).force_n;
+  ASSERT_GT(now_n.y(), before_n.y());
+  EXPECT_LE((now_n - before_n).norm(), 3.0 + 1e-9);
+  EXPECT_GT((now_n - before_n).norm(), 2.9);
+}
+
 TEST(SafetyLadder, LetsForceFallAtOnce) {
   SafetyLadder ladder = opened();
   for (int k = 0; k < 5; ++k) (void)step(ladder, healthy({7.0, 0.0, 0.0}));
