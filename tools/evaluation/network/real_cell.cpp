@@ -13,7 +13,9 @@
 #include <type_traits>
 #include <utility>
 
+#include "haptic_node/node_config.hpp"
 #include "rtbus/clock.hpp"
+#include "rtbus/config/session.hpp"
 #include "rtbus/eigen.hpp"
 #include "rtbus/topic_directory.hpp"
 #include "tools/cli/common/command.hpp"
@@ -66,7 +68,13 @@ class RealSession {
       sets.push_back(
           formatted("haptic.%d.link_round_trip_ms=%.9g", hand, std::max(1.0, 1e3 * each_.longest_round_trip_s())));
     }
-    for (const std::string& set : sets) arguments_.insert(arguments_.end(), {"--set", set});
+    std::vector<rtbus::config::Override> overrides;
+    for (const std::string& set : sets) {
+      arguments_.insert(arguments_.end(), {"--set", set});
+      overrides.push_back(rtbus::config::parse_override(set));
+    }
+    rtbus::config::SessionConfig session = rtbus::config::load_session(session_file, overrides);
+    limit_n_ = haptic::read_haptic_config(session, 0).safety.max_force_n;
   }
   ~RealSession() {
     supervisor_.end_all();
@@ -77,7 +85,7 @@ class RealSession {
 
   /// @returns why not; empty: `out` holds the run.
   [[nodiscard]] std::string run(RealRun& out) {
-    Watch watch(each_, kLimit_n, 1.0 / each_.haptic_hz, out.result);
+    Watch watch(each_, limit_n_, 1.0 / each_.haptic_hz, out.result);
     watch_ = &watch;
     if (!start("physics there", words_of("RTBUS_THERE"), {"physics"}) ||
         !start("hand here", {},
@@ -104,8 +112,6 @@ class RealSession {
   }
 
  private:
-  static constexpr double kLimit_n = 7.9;  // of phantom_desktop
-
   [[nodiscard]] int hands() const { return each_.task == Task::kSecondHand ? 2 : 1; }
 
   bool start(const char* name, std::vector<std::string> before, const std::vector<std::string>& nodes) {
@@ -165,6 +171,7 @@ class RealSession {
   std::optional<rtbus::Reader<rtbus::Telemetry>> ticks_;
   std::uint64_t began_ns_ = 0;
   double next_s_ = each_.end_s(), until_s_ = each_.end_s() + watch_times_.watched_s;
+  double limit_n_ = 0.0;  ///< Largest force of the device.
   Watch* watch_ = nullptr;
   bool windows_ = false, done_ = false;
   std::string problem_;
@@ -184,14 +191,14 @@ const std::vector<RealCell>& real_cells() {
       {"block_remote_500", Task::kBlock, kRemote, {.round_trip_s = 0.5, .jitter_share = 0.3, .lost_share = 0.3}},
       {"plate_local_200", Task::kPlate, kLocal, {.round_trip_s = 0.2, .jitter_share = 0.3, .lost_share = 0.1}},
       {"plate_remote_50", Task::kPlate, kRemote, {.round_trip_s = 0.05, .lost_share = 0.1}},
-      {"second_hand_local_10",
-       Task::kSecondHand,
-       kLocal,
-       {.round_trip_s = 0.01, .jitter_share = 0.3, .lost_share = 0.1}},
-      {"second_hand_remote_100",
+      {"second_hand_remote_10",
        Task::kSecondHand,
        kRemote,
-       {.round_trip_s = 0.1, .jitter_share = 0.3, .lost_share = 0.1}},
+       {.round_trip_s = 0.01, .jitter_share = 0.3, .lost_share = 0.3}},
+      {"second_hand_remote_200",
+       Task::kSecondHand,
+       kRemote,
+       {.round_trip_s = 0.2, .jitter_share = 0.3, .lost_share = 0.1}},
   };
   return cells;
 }
