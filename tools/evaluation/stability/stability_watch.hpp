@@ -160,9 +160,7 @@ class Watch {
       out_.outcome = StabilityOutcome::kSettled;
     } else if (large) {
       out_.outcome = faded < kFading ? StabilityOutcome::kMoving : StabilityOutcome::kDiverged;
-    } else if (creeps) {
-      out_.outcome = StabilityOutcome::kMoving;
-    } else if (out_.swing_n > 0.2 * kSwingBarN || out_.swing_m > 0.2 * bar_m()) {
+    } else if (!creeps && (out_.swing_n > 0.2 * kSwingBarN || out_.swing_m > 0.2 * bar_m())) {
       out_.outcome = faded < kFading ? StabilityOutcome::kMoving : StabilityOutcome::kLimitCycle;
     } else {
       out_.outcome = StabilityOutcome::kMoving;
