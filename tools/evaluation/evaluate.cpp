@@ -28,6 +28,7 @@
 #include "tools/evaluation/faults/faults.hpp"
 #include "tools/evaluation/local_contact/local_contact.hpp"
 #include "tools/evaluation/network/network.hpp"
+#include "tools/evaluation/network/real_cell.hpp"
 #include "tools/evaluation/overhead/overhead.hpp"
 #include "tools/evaluation/soak/soak.hpp"
 #include "tools/evaluation/soft/soft.hpp"
@@ -54,11 +55,12 @@ struct EvaluateOptions {
   int jobs = 0;           ///< 0: one per core.
   bool no_maps = false;
   std::size_t sweep = 0;  ///< Of network: seeded cases instead of the grid.
+  bool real = false;      ///< Likewise: cells in real processes.
   std::string seeds;      ///< A file with one number at the beginning of each line.
   std::optional<std::uint64_t> one_case;
   double minutes = 1.0;           ///< Of soak.
   std::uint64_t soak_seed = 1;    ///< Likewise.
-  bool list = false;              ///< Of faults: its rows.
+  bool list = false;              ///< Of faults: its rows; of network: the real cells.
   std::vector<std::string> only;  ///< Likewise: those that are run.
 };
 
@@ -154,6 +156,9 @@ void run_network(const EvaluateOptions& options, Experiment& experiment) {
   network.quick = options.quick;
   network.jobs = options.jobs;
   network.sweep = options.sweep;
+  network.only = options.only;
+  network.programs = folder_of_this_program();
+  if (options.real) return evaluate_real_network(network, experiment);
   evaluate_network(network, experiment);
 }
 
@@ -211,6 +216,8 @@ constexpr const char* kAll = "all";
 /// How an experiment ended that could not be judged; of the processes of `all` among themselves. To the outside it is
 /// kExitFailed.
 constexpr int kNotJudged = 3;
+/// What this machine has no means for; ctest's number.
+constexpr int kExitSkipped = 77;
 int exit_status(int ended) { return ended == kNotJudged ? kExitFailed : ended; }
 
 /// @returns the exit status, or kNotJudged.
@@ -225,10 +232,19 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
       throw rtbus::config::Error("evaluate " + name + " takes no --set" +
                                  (row.takes_config ? "; write a session file and name it with --config" : ""));
     }
-    Experiment experiment("evaluate", name, command_line, std::filesystem::path(options.out) / name);
-    if ((options.list || !options.only.empty()) && row.run != &run_faults) {
-      throw rtbus::config::Error("evaluate " + name + " has no rows: --list and --only are of `evaluate faults`");
+    const bool network = row.run == &run_network;
+    if (options.real && !network) throw rtbus::config::Error("evaluate " + name + " takes no --real");
+    if ((options.list || !options.only.empty()) && row.run != &run_faults && !options.real) {
+      throw rtbus::config::Error(
+          "evaluate " + name +
+          " has no rows: --list and --only are of `evaluate faults` and `evaluate network --real`");
     }
+    if (const char* const file = std::getenv(kRealRunVariable);
+        network && file != nullptr && options.only.size() == 1) {
+      return run_real_cell(real_cell(options.only.front()), session_of(options, "wall.yaml"), options.assignments,
+                           folder_of_this_program() + "/rtbus", file);
+    }
+    Experiment experiment("evaluate", name, command_line, std::filesystem::path(options.out) / name);
     if (options.one_case && row.run == &run_stability) {
       return show_stability_case(stability_of(options), *options.one_case, experiment.folder());
     }
@@ -239,6 +255,9 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
   } catch (const rtbus::config::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kExitUsage;
+  } catch (const NotPossibleHere& error) {
+    std::printf("SKIPPED: evaluate %s: %s\n", name.c_str(), error.what());
+    return kExitSkipped;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "evaluate %s: %s\n", name.c_str(), error.what());
     return kExitFailed;
@@ -352,6 +371,12 @@ int evaluate(const EvaluateOptions& options, const std::string& command_line) {
     list_faults();
     return kExitFine;
   }
+  if (options.list && options.real) {
+    for (const RealCell& cell : real_cells()) {
+      std::printf("%s: %s\n", cell.name, describe(case_of(cell)).c_str());
+    }
+    return kExitFine;
+  }
   if (options.experiment == kAll) return evaluate_all(options, command_line);
   for (const Row& row : kExperiments) {
     if (options.experiment == row.name) return exit_status(evaluate_one(row, options, command_line));
@@ -393,11 +418,17 @@ Action add_evaluate(rtbus::Command command) {
   command.option("--sweep", options->sweep, "network: so many seeded cases instead of the grid");
   command.option("--minutes", options->minutes, "soak: how long [min]").range(0.1, 10000.0).show_default();
   command.option("--soak-seed", options->soak_seed, "soak: of the events and their times").show_default();
-  command.flag("--list", options->list, "faults: print the rows and run nothing");
-  command.option("--only", options->only, "faults: these rows alone, each once").take_all().type_name("ROW");
+  command.flag("--real", options->real,
+               "network: twelve cells in real processes on two machines, which are namespaces (status 77: not possible "
+               "here)");
+  command.flag("--list", options->list, "faults, network --real: print the rows and run nothing");
+  command.option("--only", options->only, "faults, network --real: these rows alone, each once")
+      .take_all()
+      .type_name("ROW");
   return [options] {
     std::string line = "rtbus evaluate " + options->experiment;
     if (options->quick) line += " --quick";
+    if (options->real) line += " --real";
     if (options->experiment == "stability") line += " --seed " + std::to_string(options->seed);
     if (options->sweep != 0) line += " --sweep " + std::to_string(options->sweep);
     if (options->cases != 0) line += " --cases " + std::to_string(options->cases);

@@ -19,6 +19,8 @@ struct NetworkExperiment {
   std::size_t sweep = 0;                 ///< So many seeded cases instead of the grid; 0: the grid.
   std::uint64_t first_seed = 1;          ///< Of the sweep.
   int jobs = 0;                          ///< 0: one per core.
+  std::vector<std::string> only = {};    ///< Of the cells in real processes: these; empty: all.
+  std::string programs = {};             ///< Likewise: the folder of `rtbus` and of what lies beside it.
 };
 
 /// Throws rtbus::config::Error.

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "rtbus/messages.hpp"
 #include "tools/evaluation/stability/stability_case.hpp"
 
 namespace tools {
@@ -73,6 +74,9 @@ struct StabilityResult {
 /// What of a tick is kept for a plot.
 struct StabilityTick {
   double time_s, height_m, force_n, proxy_m, observed_j, method_n, given_j;
+  /// Along the axis in which the hand of `each` pushes.
+  [[nodiscard]] static StabilityTick of(const rtbus::Telemetry& telemetry, const StabilityCase& each,
+                                        double time_s) noexcept;
 };
 
 /// @param session_file config/wall.yaml. @param extra `--set`, stronger than the case. @param trace Filled if not null.
