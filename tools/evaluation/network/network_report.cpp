@@ -56,6 +56,7 @@ void draw_errors(const std::vector<NetworkGridCell>& cells, const std::vector<St
         const NetworkOptions& network = cells[i].network;
         const bool jittered = network.round_trip_s == 0.0 || network.jitter_share == kBarJitter;
         if (cells[i].scene != s || cells[i].method != m || !jittered || network.lost_share != kBarLost) continue;
+        if (cells[i].refused()) continue;
         line.x.push_back(1e3 * network.round_trip_s);
         line.y.push_back(air ? results[i].truth.drag_n_s_per_m : results[i].truth.force_rms_n);
       }
@@ -91,6 +92,8 @@ void draw_forces(const NetworkExperiment& options, Experiment& experiment) {
     for (std::size_t m = 0; m < network_methods().size(); ++m) {
       const NetworkMethod& method = network_methods()[m];
       if (!method.both()) continue;
+      const auto at = static_cast<std::size_t>(&scene - network_scenes().data());
+      if (NetworkGridCell{at, m, network}.refused()) continue;
       for (const bool behind : {false, true}) {
         StabilityCase each = network_cell(method, scene.task, behind ? network : NetworkOptions{});
         each.seed = 1;
@@ -115,7 +118,7 @@ void check_grid(const std::vector<NetworkGridCell>& cells, const std::vector<Sta
     if (!methods[m].both()) continue;
     double diverged = 0.0, below = 0.0;
     for (std::size_t i = 0; i < cells.size(); ++i) {
-      if (cells[i].method != m) continue;
+      if (cells[i].method != m || cells[i].refused()) continue;
       const StabilityResult& r = results[i];
       diverged += r.outcome == StabilityOutcome::kDiverged || r.outcome == StabilityOutcome::kFailed ? 1.0 : 0.0;
       below += r.lowest_observed_j < r.deficit_bar_j() ? 1.0 : 0.0;
@@ -131,11 +134,11 @@ void check_grid(const std::vector<NetworkGridCell>& cells, const std::vector<Sta
         }
         continue;
       }
-      if (!is_bar_cell(cells[i].network) || std::string(methods[m].method) != StabilityEnvelope::kLocal) continue;
-      experiment.check_at_most(
-          id_of(methods[m], scene),
-          std::string(scene.name) + ", 200 ms, 30 % jitter, 10 % loss: local_contact, force error, RMS",
-          r.truth.force_rms_n, "N", scene.moves_by_itself ? position_bound_n(scene) : kBar_n);
+      if (!is_bar_cell(cells[i].network) || !cells[i].usual()) continue;
+      experiment.check_at_most(id_of(methods[m], scene),
+                               std::string(scene.name) + ", 200 ms, 30 % jitter, 10 % loss: " + methods[m].method +
+                                   ", force error, RMS" + (scene.moves_by_itself ? " (bar: K v R)" : ""),
+                               r.truth.force_rms_n, "N", scene.moves_by_itself ? position_bound_n(scene) : kBar_n);
     }
     const std::string id = std::string("network.") + methods[m].method;
     experiment.check_at_most(id + ".diverged", std::string(methods[m].name) + ": cells diverged", diverged, "cells",
