@@ -20,7 +20,7 @@ struct GainLimits {
   /// wherever 1/T is below 1.5·f; the other half is for a tip that moves, which dry friction does not calm (decision
   /// 0011).
   static constexpr double kLeastDampingRatio = 0.2;
-  /// Over a network: the lag that calms the echo (echo.hpp) is 1.62·√(m/K) instead of 2.69.
+  /// Over a network: the lag that calms the echo (echo.hpp) is 1.6·√(m/K) instead of 2.7.
   static constexpr double kEchoDampingRatio = 0.4;
 
   double stiffness_max_n_per_m = 0.0;  ///< Of device, rate and slew limit.
@@ -32,7 +32,7 @@ struct GainLimits {
   /// Least damping ratio ζ of the tip where they are slow.
   double least_damping_ratio = kLeastDampingRatio;
 
-  /// `wanted`, lowered to the limits; the damping raised to a fifth of critical on a slow link. @realtime Yes.
+  /// `wanted`, lowered to the limits; the damping raised to least_damping_ratio on a slow link. @realtime Yes.
   [[nodiscard]] Gains bearable(const Gains& wanted) const noexcept RTBUS_NONBLOCKING;
 };
 

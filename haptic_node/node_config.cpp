@@ -172,9 +172,9 @@ void read_method_keys(Map& entry, const MethodEntry& method, std::size_t hands, 
     entry.fail("link", "carries no contacts, which method " + out.method + " needs; use bus");
   }
   if (out.wire.dds && refused_across_network(method, hands)) {
-    entry.fail("method", "of several hands over a network: with " + out.method +
-                             " each would learn of the others a round trip late, and they would lose what they hold; "
-                             "leave it out, or use remote_virtual_coupling");
+    entry.fail("method",
+               "does not carry several hands over a network: each would hear of the others a round trip late, "
+               "and they would lose what they hold; leave it out, or use remote_virtual_coupling");
   }
   // One period of the ramp and half a period of age: what lies between the sampling of a hand and the force.
   out.prediction_periods = entry.number("prediction_periods", {0.0, 10.0}, 1.5);

@@ -43,7 +43,7 @@ struct HapticConfig {
   double stiffness_n_per_m = 0.0;  ///< Rendered: lowered to what device and rate allow.
   double damping_requested_n_s_per_m = 0.0;
   /// Rendered: lowered to what mass, rate and velocity filter can carry; of `remote_virtual_coupling`, as improved, at
-  /// least a fifth of critical.
+  /// least a fifth of critical where physics is slow, two fifths over a network.
   double damping_n_s_per_m = 0.0;
   GainLimits gain_limits;
   bool adjustable_stiffness = false, adjustable_damping = false;  ///< `adjustable`: orders may change them.

@@ -29,12 +29,11 @@ struct Echo {
     const double ratio2 = damping_n_s_per_m * damping_n_s_per_m / (4.0 * stiffness_n_per_m * tip_mass_kg);
     const double whole_s =
         kBoth * std::sqrt((over2(ratio2) * tip_mass_kg + over2(kCalm) * proxy_mass_kg) / stiffness_n_per_m);
-    return std::clamp(kShort * (delay_s - 0.5 * whole_s), 0.0, whole_s);
+    return std::clamp(delay_s - 0.5 * whole_s, 0.0, whole_s);
   }
 
  private:
-  static constexpr double kBoth = 1.05;
-  static constexpr double kShort = 0.75;
+  static constexpr double kBoth = 1.15;
   static constexpr double kCalm = 3.0 / 8.0;  ///< ζ² from which on x does not fall any more.
 
   /// x², by ζ².

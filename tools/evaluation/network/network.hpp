@@ -49,6 +49,8 @@ struct NetworkEnvelope {
   static constexpr double kMaxLostShare = 0.3;
   static constexpr double kMaxBurstS = 0.1;
   static constexpr double kMinPhysicsHz = 20.0;
+  /// Of bullet: with the 30 of StabilityEnvelope a stack of boxes of a gram that is pressed rattles by itself.
+  static constexpr int kIterations = 60;
 };
 [[nodiscard]] StabilityCase draw_network_case(std::uint64_t seed);
 

@@ -90,6 +90,7 @@ StabilityCase draw_network_case(std::uint64_t seed) {
   out.seed = seed;
   if (random.chance(0.1)) out.task = StabilityTask::kPlate;
   out.jitter_s = out.lost_share = 0.0;
+  out.solver_iterations = E::kIterations;
   out.network.round_trip_s = random.chance(0.1) ? 0.0 : random.log_between(0.002, E::kMaxRoundTripS);
   out.network.out_share = random.chance(0.5) ? 0.5 : random.between(0.1, 0.9);
   out.network.jitter_share = random.chance(0.3) ? 0.0 : random.between(0.0, E::kMaxJitterShare);

@@ -71,6 +71,38 @@ void draw_errors(const std::vector<NetworkGridCell>& cells, const std::vector<St
   draw_panels(experiment, "network_errors", "Jitter 30 %, loss 10 %, against the same hand without a network", panels);
 }
 
+/// The table of docs/distributed.md: what a session can have, at the jitter and loss of the bars.
+Table summary_of(const std::vector<NetworkGridCell>& cells, const std::vector<StabilityResult>& results) {
+  Table table{"network_summary", {"scene", "method", "figure"}, {}};
+  std::vector<double> trips_s;
+  for (const NetworkGridCell& cell : cells) {
+    const double trip_s = cell.network.round_trip_s;
+    if (trip_s <= 0.0 || std::find(trips_s.begin(), trips_s.end(), trip_s) != trips_s.end()) continue;
+    trips_s.push_back(trip_s);
+    table.columns.push_back(formatted("%g ms", 1e3 * trip_s));
+  }
+  for (std::size_t s = 0; s < network_scenes().size(); ++s) {
+    for (std::size_t m = 0; m < network_methods().size(); ++m) {
+      if (!network_methods()[m].both()) continue;
+      const bool air = network_scenes()[s].task == StabilityTask::kFree;
+      std::vector<Cell> row{std::string(network_scenes()[s].name), std::string(network_methods()[m].name),
+                            std::string(air ? "drag [N s/m]" : "force error, RMS [N]")};
+      for (std::size_t i = 0; i < cells.size(); ++i) {
+        const NetworkOptions& network = cells[i].network;
+        if (cells[i].scene != s || cells[i].method != m || network.round_trip_s <= 0.0) continue;
+        if (network.jitter_share != kBarJitter || network.lost_share != kBarLost) continue;
+        if (cells[i].refused()) {
+          row.push_back(std::string("refused"));
+        } else {
+          row.push_back(air ? results[i].truth.drag_n_s_per_m : results[i].truth.force_rms_n);
+        }
+      }
+      table.rows.push_back(std::move(row));
+    }
+  }
+  return table;
+}
+
 PanelLine force_line(const std::vector<StabilityTick>& run, double from_s, double until_s) {
   PanelLine out;
   for (const StabilityTick& tick : run) {
@@ -147,6 +179,7 @@ void check_grid(const std::vector<NetworkGridCell>& cells, const std::vector<Sta
                              std::string(methods[m].name) + ": cells with observed energy below -(0.5 mJ + |F||dx|)",
                              below, "cells", 0.0);
   }
+  experiment.add_table(summary_of(cells, results));
   draw_errors(cells, results, experiment);
 }
 
