@@ -33,7 +33,7 @@ struct Echo {
   }
 
  private:
-  static constexpr double kBoth = 1.15;
+  static constexpr double kBoth = 1.17;
   static constexpr double kCalm = 3.0 / 8.0;  ///< ζ² from which on x does not fall any more.
 
   /// x², by ζ².

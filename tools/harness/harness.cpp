@@ -95,6 +95,7 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     settings.safety.passivity.damps = options.energy_damper;
     if (options.network.exists()) {
       haptic::put_across_network(settings, longest_round_trip_s(options.network));
+      if (!options.echo_lag) settings.set_point_delay_s = 0.0;
       settings.other_hands.clear();  // as with `link: dds`
     }
     hands_.push_back(std::make_unique<Hand>(std::move(settings), session, kStart_ns, options.measure_cost));
