@@ -19,7 +19,9 @@ inline void damp_across_network(HapticConfig& config, double round_trip_s) {
   if (!config.wire.over_network() || !std::isfinite(limits.set_points_per_s)) return;
   constexpr double kSteps = 2.0;  // half of one that is waited for, one, and half of the line to what it said
   config.set_point_delay_s = round_trip_s + kSteps / limits.set_points_per_s;
-  limits.set_points_per_s = std::min(limits.set_points_per_s, 1.0 / round_trip_s);
+  // Damped wherever it lags at all: from 0.93·√(m/K) of delay on, where the proxy is light.
+  constexpr double kEcho = 4.5;
+  limits.set_points_per_s = std::min(limits.set_points_per_s, 1.0 / (kEcho * config.set_point_delay_s));
   limits.least_damping_ratio = GainLimits::kEchoDampingRatio;
   const Gains gains = limits.bearable({config.stiffness_requested_n_per_m, config.damping_requested_n_s_per_m});
   config.stiffness_n_per_m = gains.stiffness_n_per_m;

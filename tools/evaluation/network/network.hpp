@@ -29,9 +29,10 @@ struct NetworkMethod {
   const char* name;    ///< In tables.
   const char* method;  ///< Of the session.
   bool bounds, damps;  ///< Parts of the energy's control (StabilityCase).
+  bool lags;           ///< The set-point, against the echo.
   bool both() const noexcept { return bounds && damps; }
 };
-/// The law of remote coupling alone, with each part of the energy's control, and both methods as a session gets them.
+/// The law of remote coupling alone, with each part of what keeps it passive, and both methods as a session gets them.
 [[nodiscard]] const std::vector<NetworkMethod>& network_methods();
 
 /// A cell of the grid: the case, and the same without a network.

@@ -16,6 +16,7 @@ StabilityCase cell_of(const NetworkMethod& method, const NetworkOptions& network
   out.method = method.method;
   out.bounds = method.bounds;
   out.damps = method.damps;
+  out.lags = method.lags;
   out.hand = StabilityHand::kStiff;
   out.stiffness_n_per_m = kStiffness;
   out.damping_n_s_per_m = kDamping;
@@ -32,11 +33,11 @@ StabilityCase cell_of(const NetworkMethod& method, const NetworkOptions& network
 
 const std::vector<NetworkMethod>& network_methods() {
   static const std::vector<NetworkMethod> methods{
-      {"remote coupling, law alone", StabilityEnvelope::kRemote, false, false},
-      {"remote coupling, damper (TDPA)", StabilityEnvelope::kRemote, false, true},
-      {"remote coupling, set-points (PSPM)", StabilityEnvelope::kRemote, true, false},
-      {StabilityEnvelope::kRemote, StabilityEnvelope::kRemote, true, true},
-      {StabilityEnvelope::kLocal, StabilityEnvelope::kLocal, true, true},
+      {"remote coupling, law alone", StabilityEnvelope::kRemote, false, false, false},
+      {"remote coupling, damper (TDPA)", StabilityEnvelope::kRemote, false, true, false},
+      {"remote coupling, set-points (PSPM)", StabilityEnvelope::kRemote, true, false, false},
+      {StabilityEnvelope::kRemote, StabilityEnvelope::kRemote, true, true, true},
+      {StabilityEnvelope::kLocal, StabilityEnvelope::kLocal, true, true, true},
   };
   return methods;
 }
