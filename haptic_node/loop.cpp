@@ -76,10 +76,13 @@ void Loop::take_proxy(std::uint64_t now_ns) noexcept {
   const Eigen::Vector3d server_force_n = mapping_.force_to_device(vector_of(answer.hand_force_n));
   // An answer to another mapping, to a sample from before forces were enabled (perhaps of a process before this one),
   // or to one that is yet to come, says nothing about the hand now. Neither does one that no world can mean.
-  proxy_.valid = answer.device_sequence != 0 && answer.mapping_epoch == mapping_.epoch() &&
-                 answer.device_time_ns >= enabled_ns_ && answer.device_time_ns <= now_ns && sane_position(position_m) &&
-                 sane_velocity(velocity_m_s) && sane_force(server_force_n);
-  if (!proxy_.valid) return;
+  const bool valid = answer.device_sequence != 0 && answer.mapping_epoch == mapping_.epoch() &&
+                     answer.device_time_ns >= enabled_ns_ && answer.device_time_ns <= now_ns &&
+                     sane_position(position_m) && sane_velocity(velocity_m_s) && sane_force(server_force_n);
+  // Between good ones it is a wrong sample, and fades the force as such. A hole of one cycle would be a click.
+  if (!valid && proxy_.valid) monitor_.refused(now_ns);
+  if (!valid) return;
+  proxy_.valid = true;
   const Eigen::Vector3d contact_n = mapping_.force_to_device(vector_of(answer.contact_force_n));
   const MappingConfig& mapping = mapping_.config();
   proxy_.work_j =

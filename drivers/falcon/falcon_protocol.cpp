@@ -20,6 +20,7 @@ constexpr double kGravityM_s2 = 9.81;
 constexpr double kCarryRampS = 1.0;  // until the weight is carried in full
 constexpr double kLetGoS = 0.1;      // until it is let go, once no loop renders
 constexpr double kSilentS = 0.020;   // without an answer it is let go at once
+constexpr double kCleanS = 0.1;      // two damaged frames within that, and the line must be clean for that
 constexpr int kProbeFrames = 2;      // few: asking a Falcon without firmware may spoil the upload
 constexpr int kStartFrames = 100;
 constexpr double kFrameWaitS = 0.010;  // for an answer while nothing is at stake
@@ -62,6 +63,7 @@ rtbus::Result<void, DeviceFault> FalconProtocol::bring_up(usb::Channel& channel)
     status = poll_frames(channel, kProbeFrames, running);
     if (status != UsbStatus::kOk) return rtbus::Failure{lost_or_refused(status)};
   }
+  damages_ = damages();  // what was damaged until now was no measurement
   if (running) return {};
   return load(channel);
 }
@@ -97,6 +99,7 @@ rtbus::Result<void, DeviceFault> FalconProtocol::load(usb::Channel& channel) {
                   : image.file + " is none of the known files: is it the right one?";
     return rtbus::Failure{DeviceFault{text}};
   }
+  damages_ = damages();
   spdlog::info("Falcon: firmware loaded in {:.1f} s, attempt {}", upload_.duration_s, upload_.attempts);
   return {};
 }
@@ -175,8 +178,10 @@ UsbStatus FalconProtocol::read_into_finder(usb::Channel& channel, std::uint64_t 
   std::size_t got = 0;
   const UsbStatus status = channel.read(transfer_, got, deadline_ns);
   if (status == UsbStatus::kOk) {
-    counters_.line_errors += ftdi::for_each_payload(std::span(transfer_).first(got),
-                                                    [this](std::span<const std::uint8_t> part) { finder_.push(part); });
+    const std::uint64_t errors = ftdi::for_each_payload(
+        std::span(transfer_).first(got), [this](std::span<const std::uint8_t> part) { finder_.push(part); });
+    counters_.line_errors += errors;
+    payload_errors_ += errors;
     counters_.resyncs = finder_.resyncs();
   } else if (status == UsbStatus::kStall || status == UsbStatus::kError) {
     ++counters_.line_errors;
@@ -261,8 +266,12 @@ ExchangeStatus FalconProtocol::receive(usb::Channel& channel, DeviceSample& out,
   for (int i = 0; i < kMaxTransfers; ++i) {
     DeviceFrame frame;
     // One command, one answer: behind one that is not believed comes no other.
-    if (newest_frame(frame)) {
-      return accept(frame, channel.now_ns(), out) ? ExchangeStatus::kSample : ExchangeStatus::kNothing;
+    const bool found = newest_frame(frame);
+    const std::uint64_t now_ns = channel.now_ns();
+    note_damage(now_ns);
+    if (found) {
+      const bool believed = now_ns >= doubted_until_ns_ && accept(frame, now_ns, out);
+      return believed ? ExchangeStatus::kSample : ExchangeStatus::kNothing;
     }
     switch (read_into_finder(channel, deadline_ns)) {
       case UsbStatus::kOk:
@@ -285,12 +294,20 @@ ExchangeStatus FalconProtocol::receive(usb::Channel& channel, DeviceSample& out,
   return ExchangeStatus::kNothing;
 }
 
+void FalconProtocol::note_damage(std::uint64_t now_ns) noexcept {
+  const std::uint64_t more = damages() - std::exchange(damages_, damages());
+  if (more == 0) return;
+  if (more > 1 || now_ns < damaged_ns_ + seconds_to_ns(kCleanS)) doubted_until_ns_ = now_ns + seconds_to_ns(kCleanS);
+  damaged_ns_ = now_ns;
+}
+
 bool FalconProtocol::accept(const DeviceFrame& frame, std::uint64_t now_ns, DeviceSample& out) noexcept {
   // A wrong bit on the line looks like that once; a Falcon that has lost its homing goes on saying so. The frame's
   // encoders may be of either kind, so it is no measurement.
   const bool lost_homing = homed_ == kAllHomed && frame.homed != kAllHomed;
   if (lost_homing && !std::exchange(doubted_, true)) {
     ++counters_.bad_frames;
+    ++damages_;  // no more is made of it than that
     return false;
   }
   doubted_ = false;

@@ -77,6 +77,10 @@ class FalconProtocol final : public usb::Protocol {
   [[nodiscard]] usb::UsbStatus read_into_finder(usb::Channel& channel, std::uint64_t deadline_ns) noexcept;
   [[nodiscard]] bool newest_frame(DeviceFrame& out) noexcept;
   void discard_late_answers(usb::Channel& channel) noexcept;
+  [[nodiscard]] std::uint64_t damages() const noexcept {
+    return counters_.bad_frames + counters_.resyncs + payload_errors_;
+  }
+  void note_damage(std::uint64_t now_ns) noexcept;
   [[nodiscard]] bool accept(const DeviceFrame& frame, std::uint64_t now_ns, DeviceSample& out) noexcept;
   void forget() noexcept;
 
@@ -91,8 +95,13 @@ class FalconProtocol final : public usb::Protocol {
   bool withheld_ = false;
   bool live_ = true;
   std::uint64_t accepted_ns_ = 0;  ///< When the last valid answer came.
-  double carried_ = 0.0;           ///< Share of the grip's weight that the motors carry now, 0…1.
-  Eigen::Vector3d position_m_;     ///< Frame B.
+  /// Frames have no checksum: where damage is seen, there is damage that is not. Until then no frame is believed.
+  std::uint64_t doubted_until_ns_ = 0;
+  std::uint64_t damaged_ns_ = 0;      ///< When damage was seen last.
+  std::uint64_t damages_ = 0;         ///< Seen until then.
+  std::uint64_t payload_errors_ = 0;  ///< Told by the USB chip.
+  double carried_ = 0.0;              ///< Share of the grip's weight that the motors carry now, 0…1.
+  Eigen::Vector3d position_m_;        ///< Frame B.
   Eigen::Vector3d angles_rad_;
   bool uploaded_ = false;
   UploadReport upload_;

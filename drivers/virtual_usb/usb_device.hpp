@@ -53,7 +53,8 @@ class UsbDevice {
   virtual void bus_reset(std::uint64_t now_ns) = 0;
 };
 
-/// Faults on demand, common to all virtual devices. Set by tests or by a script; a model reads what concerns it.
+/// Faults on demand, common to all virtual devices. Set by tests or by a script; a model reads what concerns it. Shares
+/// are 0…1 [1].
 struct Faults {
   double lose_reply = 0.0;       ///< Share of replies that never come (0…1), by the device's seeded generator.
   double late_reply = 0.0;       ///< Share of replies that come `late_ms` later.

@@ -45,9 +45,12 @@ void HandImpulses::begin(std::uint64_t began_ns, std::uint64_t ends_ns) noexcept
   ends_ns_ = ends_ns;
 }
 
+// Sums are for ever: one step of a world that makes no sense must not be in them. What is left out here settle() shares
+// as what the ladder changed.
 void HandImpulses::give(std::size_t place, std::size_t slot, const Vector3d& impulse_n_s,
                         const Vector3d& from_centre_m) noexcept {
-  if (count_ == kMostEntries) return;
+  const bool sane = impulse_n_s.norm() <= kMostGiven_n_s && from_centre_m.norm() <= kFarthest_m;
+  if (count_ == kMostEntries || !sane) return;
   Entry& entry = entries_[count_++];
   entry = {places_[place].body, place, slot, impulse_n_s, from_centre_m, {}};
   book(entry.place, {impulse_n_s, from_centre_m.cross(impulse_n_s)});

@@ -43,10 +43,12 @@ class HandImpulses {
 
   /// A step begins, and lasts from `began_ns` to `ends_ns`.
   void begin(std::uint64_t began_ns, std::uint64_t ends_ns) noexcept RTBUS_NONBLOCKING;
-  /// In it the proxy gave that. @param impulse_n_s On the body. At most kMostEntries times in a step.
+  /// In it the proxy gave that. @param impulse_n_s On the body. At most kMostEntries times in a step. What no hand can
+  /// give in a step is passed over, and so is what is not finite.
   void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
             const Eigen::Vector3d& from_centre_m) noexcept RTBUS_NONBLOCKING;
   static constexpr std::size_t kMostEntries = rtbus::kContactSlots + 4;
+  static constexpr double kMostGiven_n_s = 1e3, kFarthest_m = 1e3;
   [[nodiscard]] std::span<const Entry> entries() const noexcept { return {entries_.data(), count_}; }
 
   /// The step is over; the bodies got `felt_n_s` in all, which is what the safety ladder let through. What it took or

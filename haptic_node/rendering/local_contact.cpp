@@ -42,6 +42,7 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
                   damping_n_s_per_m_ * to_world},
                  input.sample_time_ns, step_s_);
   if (!world_.position_m().allFinite()) {  // an answer that made no sense
+    world_.felt(Vector3d::Zero());
     placed_ = false;
     step_s_ = 0.0;
     return out;

@@ -38,7 +38,7 @@ struct LocalSpring {
 /// One instant of the local world belongs to one device sample; a step leads from the sample before to this one.
 ///
 /// The proxy has no mass. Spring and damper, implicit over a step of h, are the mass m_g = h(hK + B) that moves at
-/// (K(x − p) + B·v)/(hK + B) (docs/decisions/0005): in free air it goes with the hand and pulls at nothing, at a
+/// (K(x − p) + B·v)/(hK + B) (docs/decisions/0012): in free air it goes with the hand and pulls at nothing, at a
 /// contact the hand feels K(p − x) + B(v_p − v), which is what the contacts push with.
 ///
 /// An answer of physics describes the world at the instant of the device sample that it answers (decision 0003). By the

@@ -51,6 +51,7 @@ int main(int argc, char** argv) {
   int domain = 77;
   double seconds = 2.0;
   bool noise = false, flood = false, foreign_version = false, foreign_layout = false, foreign_session = false;
+  bool replay = false;
   root.option("--own", own, "Its address").required();
   root.option("--other", other, "The address that it speaks to").required();
   root.option("--session", session, "What it says it belongs to").required();
@@ -60,13 +61,15 @@ int main(int argc, char** argv) {
   root.flag("--foreign-version", foreign_version, "Of another version");
   root.flag("--foreign-layout", foreign_layout, "With other messages");
   root.flag("--foreign-session", foreign_session, "Of another session");
+  root.flag("--replay", replay, "Valid packets of the physics that speaks there, which came before");
   if (const std::optional<int> status = line.parse(argc, argv)) return *status;
   const auto duration_ns = rtbus::ns_of(seconds);
   if (noise) {
     send_noise(other, domain, duration_ns);
     return 0;
   }
-  auto wire = link_dds::Wire::open(domain, own, {other});
+  // The physics whose packets it repeats runs on its own machine.
+  auto wire = link_dds::Wire::open(domain, own, replay ? std::vector{other, own} : std::vector{other});
   if (!wire) {
     std::fprintf(stderr, "%s\n", wire.error().c_str());
     return 1;
@@ -80,6 +83,23 @@ int main(int argc, char** argv) {
   hello.nodes = {"physics"};
   auto stream = wire->writer("rtbus_link/" + session + "/" + hand + "/answer", false);
   if (!stream) return 1;
+  if (replay) {
+    hello.nodes.clear();
+    hello.life = 0;
+    const std::uint64_t patience_ns = rtbus::monotonic_ns() + 20 * rtbus::kNsPerS;
+    while (hello.life == 0 && rtbus::monotonic_ns() < patience_ns) {
+      wire->hear([&](const link_dds::PeerHello& other) {
+        if (other.session == session && !other.leaving && other.nodes == std::vector<std::string>{"physics"}) {
+          hello.life = other.life;
+        }
+      });
+      rtbus::sleep_until(rtbus::monotonic_ns() + rtbus::kNsPerMs);
+    }
+    if (hello.life == 0) {
+      std::fprintf(stderr, "no physics says hello\n");
+      return 1;
+    }
+  }
   // An answer that would be felt: physics that lives, and a proxy 0.1 m beside the hand.
   link_dds::Answer answer;
   answer.beat.state = static_cast<std::uint32_t>(rtbus::NodeState::kRunning);
@@ -89,9 +109,15 @@ int main(int argc, char** argv) {
   link_dds::Bytes good, bad(700, 0xa5);
   (void)link_dds::pack_answer(answer, good);
   const std::uint64_t end_ns = rtbus::monotonic_ns() + duration_ns;
-  std::uint64_t greet_ns = 0;
-  for (std::uint64_t sequence = 1; rtbus::monotonic_ns() < end_ns; ++sequence) {
+  std::uint64_t greet_ns = 0, sequence = 1;
+  const std::uint64_t began_ns = rtbus::monotonic_ns();
+  for (; rtbus::monotonic_ns() < end_ns; ++sequence) {
     const std::uint64_t now_ns = rtbus::monotonic_ns();
+    if (replay) {
+      stream->send({hello.life, 1, now_ns, 0, 0}, good);
+      if (!flood) rtbus::sleep_until(now_ns + rtbus::kNsPerMs);
+      continue;
+    }
     if (now_ns >= greet_ns) {
       wire->greet(hello);
       greet_ns = now_ns + rtbus::kNsPerS / 5;
@@ -99,6 +125,7 @@ int main(int argc, char** argv) {
     stream->send({hello.life, sequence, now_ns, 0, 0}, sequence % 2 == 0 ? good : bad);
     if (!flood) rtbus::sleep_until(now_ns + rtbus::kNsPerMs);
   }
-  std::printf("stranger: done\n");
+  std::printf("stranger: %.0f packets/s\n",
+              static_cast<double>(sequence - 1) / rtbus::seconds_between(began_ns, rtbus::monotonic_ns()));
   return 0;
 }

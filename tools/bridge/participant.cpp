@@ -1,8 +1,5 @@
 #include "tools/bridge/participant.hpp"
 
-#include <memory>
-#include <utility>
-
 #include <ros2_messages.h>
 
 namespace bridge {
@@ -28,8 +25,8 @@ const MessageType kString{&std_msgs_msg_dds__String__desc, ""};
 
 namespace {
 
-using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
-Qos new_qos() { return {dds_create_qos(), &dds_delete_qos}; }
+/// ROS 2's name of a topic on DDS.
+std::string dds_name(const std::string& topic) { return "rt" + topic; }
 
 /// How Cyclone DDS is to be set up. A network without multicast (lo, most VPNs) is searched by unicast, at the places
 /// of the first participants, and every second: others may hear nothing else.
@@ -56,57 +53,29 @@ bool DdsWriter::write(const void* message) noexcept {
 
 rtbus::Result<Participant, std::string> Participant::open(int domain, const std::string& network,
                                                           const std::vector<std::string>& peers) {
-  const auto id = static_cast<dds_domainid_t>(domain);
-  const dds_entity_t made = dds_create_domain(id, configuration(network, peers).c_str());
-  const dds_entity_t participant = made < 0 ? made : dds_create_participant(id, nullptr, nullptr);
-  if (participant < 0) {
-    if (made >= 0) dds_delete(made);
+  auto participant = tools::dds::Participant::open(domain, configuration(network, peers));
+  if (!participant) {
     return rtbus::Failure{"DDS does not begin on network '" + network + "', domain " + std::to_string(domain) + ": " +
-                          dds_strretcode(participant) + "; `ip link` lists the interfaces, bridge.network names one"};
+                          participant.error() + "; `ip link` lists the interfaces, bridge.network names one"};
   }
-  return Participant(made, participant);
-}
-
-Participant::Participant(Participant&& other) noexcept
-    : domain_(std::exchange(other.domain_, 0)), participant_(std::exchange(other.participant_, 0)) {}
-
-Participant::~Participant() {
-  if (domain_ > 0) dds_delete(domain_);
-}
-
-dds_entity_t Participant::topic(const std::string& name, const MessageType& type) {
-  return dds_create_topic(participant_, type.descriptor, ("rt" + name).c_str(), nullptr, nullptr);
+  return Participant(std::move(*participant));
 }
 
 rtbus::Result<DdsWriter, std::string> Participant::writer(const std::string& name, const MessageType& type,
                                                           const WriterQos& wanted) {
-  const dds_entity_t to = topic(name, type);
-  const Qos qos = new_qos();
-  dds_qset_reliability(qos.get(), wanted.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT,
-                       DDS_MSECS(10));
-  dds_qset_durability(qos.get(), wanted.latched ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
-  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, wanted.depth);
-  if (wanted.latched) {
-    dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, wanted.depth, DDS_LENGTH_UNLIMITED,
-                                DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
-  }
-  dds_qset_writer_data_lifecycle(qos.get(), false);
+  const tools::dds::Qos qos = tools::dds::new_qos(wanted.reliable, wanted.latched, wanted.depth);
   const std::string hash = "typehash=RIHS01_" + std::string(type.hash) + ";";
   dds_qset_userdata(qos.get(), hash.data(), hash.size());
-  const dds_entity_t made = to < 0 ? to : dds_create_writer(participant_, to, qos.get(), nullptr);
-  if (made < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(made)};
-  return DdsWriter(made);
+  const auto made = participant_.writer(dds_name(name), *type.descriptor, qos);
+  if (!made) return rtbus::Failure{made.error()};
+  return DdsWriter(*made);
 }
 
 rtbus::Result<DdsReader, std::string> Participant::reader(const std::string& name, const MessageType& type,
                                                           bool reliable, int depth) {
-  const dds_entity_t to = topic(name, type);
-  const Qos qos = new_qos();
-  dds_qset_reliability(qos.get(), reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, DDS_MSECS(10));
-  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
-  const dds_entity_t made = to < 0 ? to : dds_create_reader(participant_, to, qos.get(), nullptr);
-  if (made < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(made)};
-  return DdsReader(made, depth);
+  const auto made = participant_.reader(dds_name(name), *type.descriptor, tools::dds::new_qos(reliable, false, depth));
+  if (!made) return rtbus::Failure{made.error()};
+  return DdsReader(*made, depth);
 }
 
 }  // namespace bridge

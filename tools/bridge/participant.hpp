@@ -7,9 +7,11 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "rtbus/result.hpp"
+#include "tools/dds/participant.hpp"
 
 namespace bridge {
 
@@ -78,22 +80,17 @@ class Participant {
   /// The threads of Cyclone DDS inherit the CPUs of the calling thread.
   [[nodiscard]] static rtbus::Result<Participant, std::string> open(int domain, const std::string& network,
                                                                     const std::vector<std::string>& peers = {});
-  ~Participant();
-  Participant(Participant&& other) noexcept;
-  Participant& operator=(Participant&&) = delete;
-
   /// @param topic "/haptic0/pose". The errors are sentences for the user.
   [[nodiscard]] rtbus::Result<DdsWriter, std::string> writer(const std::string& topic, const MessageType& type,
                                                              const WriterQos& qos);
   /// Keeps the last `depth` of all writers together.
   [[nodiscard]] rtbus::Result<DdsReader, std::string> reader(const std::string& topic, const MessageType& type,
                                                              bool reliable = true, int depth = 16);
-  [[nodiscard]] dds_entity_t entity() const noexcept { return participant_; }
+  [[nodiscard]] dds_entity_t entity() const noexcept { return participant_.entity(); }
 
  private:
-  Participant(dds_entity_t domain, dds_entity_t participant) : domain_(domain), participant_(participant) {}
-  [[nodiscard]] dds_entity_t topic(const std::string& name, const MessageType& type);
-  dds_entity_t domain_, participant_;
+  explicit Participant(tools::dds::Participant participant) : participant_(std::move(participant)) {}
+  tools::dds::Participant participant_;
 };
 
 }  // namespace bridge

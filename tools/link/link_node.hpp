@@ -28,8 +28,10 @@ struct LinkedHand {
 struct LinkPlan {
   rtbus::Session session;
   rtbus::config::NetworkConfig network;
-  std::vector<std::string> here;  ///< Nodes on this machine.
-  std::vector<LinkedHand> hands;  ///< All that have `link: dds` and whose physics is on the other side of it.
+  std::vector<std::string> nodes;   ///< Of the session, on all machines.
+  std::vector<std::string> here;    ///< Nodes on this machine.
+  std::vector<LinkedHand> hands;    ///< All that have `link: dds` and whose physics is on the other side of it.
+  std::vector<std::string> bodies;  ///< Names, in the scene's order; empty: orders move none of them.
   [[nodiscard]] bool is_here(const std::string& node) const;
 };
 

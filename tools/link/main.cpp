@@ -38,10 +38,15 @@ link_dds::LinkPlan read_plan(const LinkCommand& command) {
   out.session = session.session;
   out.network = session.network;
   out.here = split.here;
+  out.nodes.emplace_back("physics");
   for (std::size_t i = 0; i < session.haptic.size(); ++i) {
+    out.nodes.push_back(session.haptic[i].name);
     const haptic::HapticConfig config = haptic::read_haptic_config(session, i);
     if (!split.crosses(config.name)) continue;
     out.hands.push_back({config.name, config.wire.round_trip_s, haptic::find_method(config.method)->needs_contacts});
+  }
+  if (!rtbus::config::bodies_that_orders_move(session.scene).empty()) {
+    for (const rtbus::config::Body& body : session.scene.bodies) out.bodies.push_back(body.name);
   }
   return out;
 }

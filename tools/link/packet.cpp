@@ -187,7 +187,8 @@ std::uint64_t layout() noexcept {
   constexpr std::uint64_t kHashes[] = {rtbus::type_hash<rtbus::DeviceState>(),   rtbus::type_hash<rtbus::ProxyState>(),
                                        rtbus::type_hash<rtbus::ProxyContacts>(), rtbus::type_hash<rtbus::Heartbeat>(),
                                        rtbus::type_hash<rtbus::NodeInfo>(),      rtbus::type_hash<rtbus::StepStats>(),
-                                       rtbus::type_hash<rtbus::LoopStats>(),     rtbus::type_hash<rtbus::Orders>()};
+                                       rtbus::type_hash<rtbus::LoopStats>(),     rtbus::type_hash<rtbus::Orders>(),
+                                       rtbus::type_hash<rtbus::BodyOrders>()};
   std::uint64_t hash = std::endian::native == std::endian::little ? 0xcbf29ce484222325ULL : 0x84222325cbf29ce4ULL;
   for (const std::uint64_t each : kHashes) hash = rtbus::detail::fnv1a(each, hash);
   return hash;

@@ -38,6 +38,9 @@ std::optional<std::string> Peers::misfit(const PeerHello& hello) const {
            "); install the same release of rtbus on both machines";
   }
   for (const std::string& node : hello.nodes) {
+    if (std::find(nodes_.begin(), nodes_.end(), node) == nodes_.end()) {
+      return "it claims " + plain(node) + ", which this session has not; use the same session file on both machines";
+    }
     if (std::find(self_.nodes.begin(), self_.nodes.end(), node) != self_.nodes.end()) {
       return "it claims " + plain(node) + ", which runs here; name other nodes with --only on one of the machines";
     }

@@ -29,8 +29,10 @@ struct PeerHello {
 /// or has been silent for long. One thread.
 class Peers {
  public:
-  /// @param silence_ns A peer that was not heard for so long may be replaced by another.
-  Peers(PeerHello self, std::uint64_t silence_ns) : self_(std::move(self)), silence_ns_(silence_ns) {}
+  /// @param nodes Of the session, wherever they run. @param silence_ns A peer that was not heard for so long may be
+  /// replaced by another.
+  Peers(PeerHello self, std::vector<std::string> nodes, std::uint64_t silence_ns)
+      : self_(std::move(self)), nodes_(std::move(nodes)), silence_ns_(silence_ns) {}
 
   /// What was decided, for the user; empty: nothing that he has not been told.
   [[nodiscard]] std::vector<std::string> hear(const PeerHello& hello, std::uint64_t now_ns);
@@ -53,6 +55,7 @@ class Peers {
   /// Strangers are remembered so that each is told of once; a flood of them is not remembered without end.
   static constexpr std::size_t kMostStrangers = 64;
   PeerHello self_;
+  std::vector<std::string> nodes_;
   std::uint64_t silence_ns_;
   std::map<std::string, Holder> holders_;  ///< By the node's name.
   std::set<std::uint64_t> strangers_;      ///< Lives that were refused.

@@ -17,7 +17,7 @@ namespace link_dds {
 
 namespace {
 
-using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
+using tools::dds::new_qos;
 
 /// A reader keeps so many until they are taken: what others send between does not push the peer's out.
 constexpr std::int32_t kKept = 64;
@@ -41,18 +41,9 @@ void tell_sparsely(void*, const dds_log_data_t* data) {
                count > 0 ? (" (and " + std::to_string(count) + " more lines)").c_str() : "");
 }
 
-Qos new_qos(bool reliable, bool latched, std::int32_t depth) {
-  Qos qos(dds_create_qos(), &dds_delete_qos);
-  dds_qset_reliability(qos.get(), reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, DDS_MSECS(10));
-  dds_qset_durability(qos.get(), latched ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
-  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
-  if (latched) {
-    dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, depth, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
-                                DDS_LENGTH_UNLIMITED);
-  }
-  dds_qset_writer_data_lifecycle(qos.get(), false);
-  return qos;
-}
+/// At its end each writer waits so long for readers that have not confirmed everything. One that was killed never does,
+/// and supervisors wait for 2 s.
+constexpr const char* kLinger = "300ms";
 
 /// No multicast: it speaks to the named addresses alone. A packet is one datagram (kMostBody_bytes).
 std::string configuration(const std::string& own, const std::vector<std::string>& others) {
@@ -63,7 +54,8 @@ std::string configuration(const std::string& own, const std::vector<std::string>
   for (const std::string& other : others) out += "<Peer address=\"" + other + "\"/>";
   return out +
          "</Peers><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>16</MaxAutoParticipantIndex></"
-         "Discovery>";
+         "Discovery><Internal><WriterLingerDuration>" +
+         kLinger + "</WriterLingerDuration></Internal>";
 }
 
 std::vector<std::string> split(const char* list) {
@@ -107,60 +99,43 @@ void PacketReader::drain(const std::function<void(const Head&, std::span<const s
 rtbus::Result<Wire, std::string> Wire::open(int domain, const std::string& own,
                                             const std::vector<std::string>& others) {
   dds_set_log_sink(&tell_sparsely, nullptr);
-  const auto id = static_cast<dds_domainid_t>(domain);
-  const dds_entity_t made = dds_create_domain(id, configuration(own, others).c_str());
-  const dds_entity_t participant = made < 0 ? made : dds_create_participant(id, nullptr, nullptr);
-  if (participant < 0) {
-    if (made >= 0) dds_delete(made);
+  auto participant = tools::dds::Participant::open(domain, configuration(own, others));
+  if (!participant) {
     return rtbus::Failure{"DDS does not begin at address " + own + ", domain " + std::to_string(domain) + ": " +
-                          dds_strretcode(participant) +
+                          participant.error() +
                           "; `ip address` lists this machine's addresses, network.machines names one for each node"};
   }
-  Wire wire(made, participant);
+  Wire wire(std::move(*participant));
   if (auto prepared = wire.prepare(); !prepared) return rtbus::Failure{prepared.error()};
   return wire;
 }
 
 rtbus::Result<void, std::string> Wire::prepare() {
-  waitset_ = dds_create_waitset(participant_);
-  const dds_entity_t topic =
-      dds_create_topic(participant_, &rtbus_link_Hello_desc, "rtbus_link/hello", nullptr, nullptr);
-  const Qos writer = new_qos(true, true, 1);
-  const Qos reader = new_qos(true, true, kKept);
-  hello_writer_ = dds_create_writer(participant_, topic, writer.get(), nullptr);
-  hello_reader_ = dds_create_reader(participant_, topic, reader.get(), nullptr);
-  const dds_entity_t worst = std::min({waitset_, topic, hello_writer_, hello_reader_});
-  if (worst < 0) return rtbus::Failure{std::string("DDS refuses the link's first topic: ") + dds_strretcode(worst)};
+  waitset_ = dds_create_waitset(participant_.entity());
+  if (waitset_ < 0) return rtbus::Failure{std::string("DDS gives no waitset: ") + dds_strretcode(waitset_)};
+  const std::string topic = "rtbus_link/hello";
+  const auto writer = participant_.writer(topic, rtbus_link_Hello_desc, new_qos(true, true, 1));
+  if (!writer) return rtbus::Failure{writer.error()};
+  const auto reader = participant_.reader(topic, rtbus_link_Hello_desc, new_qos(true, true, kKept));
+  if (!reader) return rtbus::Failure{reader.error()};
+  hello_writer_ = *writer;
+  hello_reader_ = *reader;
   return {};
 }
 
-Wire::Wire(Wire&& other) noexcept
-    : domain_(std::exchange(other.domain_, 0)),
-      participant_(std::exchange(other.participant_, 0)),
-      hello_writer_(other.hello_writer_),
-      hello_reader_(other.hello_reader_),
-      waitset_(other.waitset_) {}
-
-Wire::~Wire() {
-  if (domain_ > 0) dds_delete(domain_);
-}
-
 rtbus::Result<PacketWriter, std::string> Wire::writer(const std::string& name, bool reliable) {
-  const dds_entity_t topic = dds_create_topic(participant_, &rtbus_link_Packet_desc, name.c_str(), nullptr, nullptr);
-  const Qos qos = new_qos(reliable, false, reliable ? 16 : 1);
-  const dds_entity_t made = topic < 0 ? topic : dds_create_writer(participant_, topic, qos.get(), nullptr);
-  if (made < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(made)};
-  return PacketWriter(made);
+  const auto made = participant_.writer(name, rtbus_link_Packet_desc, new_qos(reliable, false, reliable ? 16 : 1));
+  if (!made) return rtbus::Failure{made.error()};
+  return PacketWriter(*made);
 }
 
 rtbus::Result<PacketReader, std::string> Wire::reader(const std::string& name, bool reliable) {
-  const dds_entity_t topic = dds_create_topic(participant_, &rtbus_link_Packet_desc, name.c_str(), nullptr, nullptr);
-  const Qos qos = new_qos(reliable, false, kKept);
-  const dds_entity_t made = topic < 0 ? topic : dds_create_reader(participant_, topic, qos.get(), nullptr);
-  const dds_entity_t condition = made < 0 ? made : dds_create_readcondition(made, DDS_ANY_STATE);
+  const auto made = participant_.reader(name, rtbus_link_Packet_desc, new_qos(reliable, false, kKept));
+  if (!made) return rtbus::Failure{made.error()};
+  const dds_entity_t condition = dds_create_readcondition(*made, DDS_ANY_STATE);
   const dds_return_t attached = condition < 0 ? condition : dds_waitset_attach(waitset_, condition, 0);
-  if (attached < 0) return rtbus::Failure{"DDS refuses the topic " + name + ": " + dds_strretcode(attached)};
-  return PacketReader(made);
+  if (attached < 0) return rtbus::Failure{tools::dds::refused(name, attached)};
+  return PacketReader(*made);
 }
 
 void Wire::greet(const PeerHello& hello) {

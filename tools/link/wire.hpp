@@ -7,9 +7,11 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rtbus/result.hpp"
+#include "tools/dds/participant.hpp"
 #include "tools/link/peers.hpp"
 
 namespace link_dds {
@@ -46,10 +48,6 @@ class Wire {
   /// the user. The threads of Cyclone DDS inherit the CPUs of the calling thread.
   [[nodiscard]] static rtbus::Result<Wire, std::string> open(int domain, const std::string& own,
                                                              const std::vector<std::string>& others);
-  ~Wire();
-  Wire(Wire&& other) noexcept;
-  Wire& operator=(Wire&&) = delete;
-
   /// Streams are best effort and keep the newest; what is reliable is repeated until it has come.
   [[nodiscard]] rtbus::Result<PacketWriter, std::string> writer(const std::string& topic, bool reliable);
   [[nodiscard]] rtbus::Result<PacketReader, std::string> reader(const std::string& topic, bool reliable);
@@ -61,9 +59,9 @@ class Wire {
   void wait(std::uint64_t timeout_ns);
 
  private:
-  Wire(dds_entity_t domain, dds_entity_t participant) : domain_(domain), participant_(participant) {}
+  explicit Wire(tools::dds::Participant participant) : participant_(std::move(participant)) {}
   [[nodiscard]] rtbus::Result<void, std::string> prepare();
-  dds_entity_t domain_, participant_;
+  tools::dds::Participant participant_;
   dds_entity_t hello_writer_ = 0, hello_reader_ = 0, waitset_ = 0;
 };
 

@@ -74,6 +74,21 @@ TEST(FaultChecks, FailAForceThatNeverWasZeroWhereItShouldStayThere) {
   }
 }
 
+TEST(FaultChecks, TakeASessionThatGoesOnWithItsForceOrEndsAtZero) {
+  FaultRow row = row_of(Feels::kAnything, Ends::kMayGoOn);
+  row.exit_status = FaultRow::kAnyFailure;
+  FaultOutcome ends = good(), goes_on = good();
+  ends.exit_status = 1;
+  goes_on.went_on = true;
+  goes_on.zero_ms = -1.0;
+  goes_on.lowest_n = goes_on.before_n;
+  EXPECT_EQ(verdict_of(row, {ends, goes_on}), Verdict::kPass);
+  ends.after_zero_n = 0.1;
+  EXPECT_EQ(verdict_of(row, {ends}), Verdict::kFail);
+  goes_on.lowest_n = 0.0;
+  EXPECT_EQ(verdict_of(row, {goes_on}), Verdict::kFail);
+}
+
 TEST(FaultChecks, FailAForceThatComesBackWhileTheFaultLasts) {
   FaultRow row = row_of(Feels::kZero, Ends::kComesBack);
   FaultOutcome back = good();

@@ -479,5 +479,34 @@ TEST_F(FalconFaults, AnEncoderValueThatNoGripCanHaveIsABadFrame) {
   EXPECT_EQ(bench.protocol->counters().bad_frames, 1U);
 }
 
+// A frame has no checksum: next to damage that is seen, a wrong position looks like a right one.
+TEST_F(FalconFaults, OnALineThatDamagesFramesNoneIsBelievedUntilItIsClean) {
+  FalconBench bench(held({0.01, 0.005, 0.0}), without_weight());
+  ASSERT_EQ(bench.bring_up(), "");
+  ASSERT_TRUE(bench.run(0.1, [](const DeviceSample&) { return Vec3{0, 1, 0}; }));
+  WrongLine line(bench.channel);
+  const auto damaged = [&] {
+    line.change = [](std::span<std::uint8_t> frame) { frame[4] = 'z'; };
+    EXPECT_EQ(exchange_over(line, bench, {0, 1, 0}), usb::ExchangeStatus::kNothing);
+    line.change = {};
+  };
+  damaged();
+  EXPECT_EQ(exchange_over(line, bench, {0, 1, 0}), usb::ExchangeStatus::kSample) << "one alone costs one answer";
+  const std::uint64_t seen_ns = line.now_ns();  // but for the way there and back
+  damaged();
+  std::uint64_t believed_ns = 0;
+  for (int i = 0; i < 300 && believed_ns == 0; ++i) {
+    if (exchange_over(line, bench, {0, 1, 0}) == usb::ExchangeStatus::kSample) believed_ns = line.now_ns();
+  }
+  EXPECT_GE(believed_ns, seen_ns + 100'000'000);
+  EXPECT_LE(believed_ns, seen_ns + 110'000'000);
+  // Two that are far from each other cost an answer each.
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_TRUE(bench.run(0.15, [](const DeviceSample&) { return Vec3{0, 1, 0}; }));
+    damaged();
+    EXPECT_EQ(exchange_over(line, bench, {0, 1, 0}), usb::ExchangeStatus::kSample);
+  }
+}
+
 }  // namespace
 }  // namespace drivers::falcon

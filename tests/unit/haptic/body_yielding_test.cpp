@@ -1,13 +1,13 @@
 /// Soft bodies in the world of local_contact: a patch behind a compliance, put right by answers.
 #include "haptic_node/rendering/body_yielding.hpp"
-#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <memory>
 
 #include "haptic_node/rendering/local_world.hpp"
+#include "rtbus/clock.hpp"
+#include "tests/unit/haptic/held_world.hpp"
 
 namespace {
 
@@ -35,15 +35,8 @@ ProxyContacts soft(double proxy_x_m, double gap_m, std::uint64_t sample_ns, doub
   return out;
 }
 
-struct YieldingBodyTest : testing::Test {
-  std::unique_ptr<LocalWorld> world = std::make_unique<LocalWorld>();
-  std::uint64_t now_ns = 1000 * rtbus::kNsPerMs;
-
-  double tick(double x_m, double velocity_m_s = 0.0) {
-    now_ns += rtbus::kNsPerMs;
-    world->advance({{x_m, 0, 0}, {velocity_m_s, 0, 0}, kHandN_m, kHandNs_m}, now_ns, kTickS);
-    return world->impulse_n_s().x() / kTickS;
-  }
+struct YieldingBodyTest : testing::Test, tests::HeldWorld {
+  YieldingBodyTest() : HeldWorld(kHandN_m, kHandNs_m) {}
 };
 
 TEST_F(YieldingBodyTest, IsASpringInSeriesWithTheHands) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <memory>
 
 #include "rtbus/clock.hpp"
@@ -62,6 +63,20 @@ TEST_F(HandImpulsesTest, TheReplayReadsWhatIsTold) {
   };
   EXPECT_NEAR(at(0.0), told_n_s(7).x(), 1e-15);
   EXPECT_NEAR(at(4.5), 5.5 * 5e-4, 1e-15);
+}
+
+// Found in a session whose topics were written over: one such step, and physics refused every state of the hand after it.
+TEST_F(HandImpulsesTest, AStepThatMakesNoSenseLeavesNothingInTheSums) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
+  step(7, {1e-3, 0, 0}, {1e-3, 0, 0});
+  for (const double wrong : {kNan, kInf, 1e14}) {
+    step(7, {wrong, 0, 0}, Vector3d::Zero());
+    step(7, {1e-3, 0, 0}, Vector3d::Zero(), {0, wrong, 0});
+  }
+  EXPECT_NEAR(told_n_s(7).x(), 1e-3, 1e-15);
+  EXPECT_TRUE(rtbus::SampleTraits<rtbus::DeviceState>::sane(told(), now_ns));
+  step(7, {1e-3, 0, 0}, {1e-3, 0, 0});
+  EXPECT_NEAR(told_n_s(7).x(), 2e-3, 1e-15);
 }
 
 TEST_F(HandImpulsesTest, BodiesShareWhatTheLadderTakesAsTheyShareTheForce) {

@@ -1,13 +1,14 @@
 /// The world of local_contact between two answers of physics: what an answer changes, and how.
 #include "haptic_node/rendering/local_world.hpp"
-#include "rtbus/clock.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <vector>
+
+#include "rtbus/clock.hpp"
+#include "tests/unit/haptic/held_world.hpp"
 
 namespace {
 
@@ -55,16 +56,8 @@ ProxyContacts standing(double x_m, double velocity_m_s, std::uint64_t sample_ns)
   return out;
 }
 
-struct LocalWorldTest : testing::Test {
-  std::unique_ptr<LocalWorld> world = std::make_unique<LocalWorld>();
-  std::uint64_t now_ns = 1000 * rtbus::kNsPerMs;
-
-  /// One tick with the hand at `x_m`; the force on it.
-  double tick(double x_m, double velocity_m_s = 0.0) {
-    now_ns += rtbus::kNsPerMs;
-    world->advance({{x_m, 0, 0}, {velocity_m_s, 0, 0}, kStiffness, kDamping}, now_ns, kStepS);
-    return world->impulse_n_s().x() / kStepS;
-  }
+struct LocalWorldTest : testing::Test, tests::HeldWorld {
+  LocalWorldTest() : HeldWorld(kStiffness, kDamping) {}
 };
 
 TEST_F(LocalWorldTest, HasNoForceInFreeAirHoweverTheHandMoves) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "haptic_node/loop.hpp"
 #include "rtbus/config/session.hpp"
@@ -31,6 +32,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
     if (silent || proxy_.sequence == 0) return false;
     out = proxy_;
     out.value.device_time_ns = sample_time_ns_ - lag_ns;
+    out.value.mapping_epoch ^= epoch_bits;
     out.value.position_m = position_m;
     out.value.hand_force_n = hand_force_n;
     out.value.coupling_work_j = coupling_work_j;
@@ -60,6 +62,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
   double coupling_work_j = 0.0;
   bool silent = false;
   std::uint64_t lag_ns = 0, contacts_lag_ns = 0;
+  std::uint32_t epoch_bits = 0;        ///< Wrong ones.
   std::uint64_t step_ns = kPeriod_ns;  ///< That it declares.
 
  private:
@@ -79,6 +82,7 @@ class AbsurdPhysics : public testing::TestWithParam<const char*> {
       loop_.cycle(now_ns_, now_ns_);
       most_n_ = std::max(most_n_, std::abs(device_.taken_n[1]));
       finite_ = finite_ && std::isfinite(device_.taken_n[1]);
+      steepest_n_ = std::max(steepest_n_, std::abs(device_.taken_n[1] - std::exchange(last_n_, device_.taken_n[1])));
     }
   }
 
@@ -91,6 +95,7 @@ class AbsurdPhysics : public testing::TestWithParam<const char*> {
   haptic::Loop loop_{config_, device_, link_, false};
   std::uint64_t now_ns_ = 1'000'000'000;
   double most_n_ = 0.0;
+  double last_n_ = 0.0, steepest_n_ = 0.0;  ///< Of all cycles: its largest change in one.
   bool finite_ = true;
 };
 
@@ -129,6 +134,29 @@ TEST_P(AbsurdPhysics, GivesTheHandNoEnergyThatNoWorldHas) {
   EXPECT_LE(most_n_, sensible_n * (1.0 + 1e-9));
   run(100);
   EXPECT_NEAR(device_.taken_n[1], sensible_n, 1e-3 * sensible_n);
+}
+
+// Found by writing random bytes into the topics: a hole of one cycle is a click.
+TEST_P(AbsurdPhysics, MakesNoHoleOfOneCycle) {
+  talk_sense();
+  run(2000);
+  const double sensible_n = device_.taken_n[1];
+  ASSERT_GT(sensible_n, 0.1);
+  for (const bool answers_another_mapping : {true, false}) {
+    steepest_n_ = 0.0;
+    if (answers_another_mapping) {
+      link_.epoch_bits = 0xff;
+    } else {
+      link_.lag_ns = 0 - std::uint64_t{5} * kPeriod_ns;  // a hand that is yet to come
+    }
+    run(1);
+    link_.epoch_bits = 0;
+    link_.lag_ns = 0;
+    run(2000);
+    EXPECT_LE(steepest_n_, 0.05 * sensible_n) << "fades in 40 ms, and comes back by a ramp";
+    EXPECT_NEAR(device_.taken_n[1], sensible_n, 1e-3 * sensible_n);
+  }
+  EXPECT_EQ(loop_.stats().losses, 2u);
 }
 
 TEST_P(AbsurdPhysics, IsNotFeltWhileItAnswersAHandOfTwoSecondsAgo) {

@@ -17,6 +17,7 @@
 
 #include "haptic_node/rendering/local_world.hpp"
 #include "rtbus/clock.hpp"
+#include "tests/unit/haptic/held_world.hpp"
 
 namespace tuning_test {
 
@@ -30,22 +31,11 @@ using rtbus::ProxyContacts;
 constexpr double kH = 1e-3, kK = 500.0, kB = 0.5;
 
 /// A local world with a hand on it.
-struct Scene {
-  std::unique_ptr<LocalWorld> world;
-  std::uint64_t now_ns = 1000 * rtbus::kNsPerMs;
-  double damping_n_s_per_m = kB;
-
+struct Scene : tests::HeldWorld {
   explicit Scene(const Tuning& tuning, std::vector<rtbus::shapes::StandingShape> shapes = {})
-      : world(std::make_unique<LocalWorld>(std::move(shapes), 0, tuning)) {
+      : HeldWorld(kK, kB, std::move(shapes), 0, tuning) {
     world->reset(Vector3d::Zero());
   }
-  /// @returns the force on the hand.
-  Vector3d tick(const Vector3d& hand_m, const Vector3d& hand_m_s = Vector3d::Zero()) {
-    now_ns += rtbus::kNsPerMs;
-    world->advance({hand_m, hand_m_s, kK, damping_n_s_per_m}, now_ns, kH);
-    return world->impulse_n_s() / kH;
-  }
-  double tick_x(double x_m) { return tick({x_m, 0, 0}).x(); }
   /// Where a hand that came from +x would meet something in the next tick.
   [[nodiscard]] double surface_x() const {
     double low_m = -0.05, high_m = 0.2;
@@ -153,9 +143,9 @@ struct Figures {
 Figures wall_is_exact(const Tuning& tuning) {
   Scene scene(tuning);
   scene.take(wall_at(0.0));
-  for (int i = 0; i < 50; ++i) scene.tick_x(-1e-3);
-  const double pressed_n = scene.tick_x(-1e-3);
-  return Figures{}.within("pressed N", pressed_n, 0.499999, 0.500001).within("free N", scene.tick_x(0.02), 0.0, 0.0);
+  for (int i = 0; i < 50; ++i) scene.tick(-1e-3);
+  const double pressed_n = scene.tick(-1e-3);
+  return Figures{}.within("pressed N", pressed_n, 0.499999, 0.500001).within("free N", scene.tick(0.02), 0.0, 0.0);
 }
 
 /// A block that is pressed with 0.25 N of the 0.49 N that friction bears stands, with answers 50 ms old. What creeps
@@ -166,7 +156,7 @@ Figures block_stands(const Tuning& tuning) {
   double force_n = 0.0;
   for (int i = 0; i < 600; ++i) {
     if (i % 50 == 0 && i > 0) scene.take(block_at(0.0, 4), 0.05);
-    force_n = scene.tick_x(-5e-4);
+    force_n = scene.tick(-5e-4);
   }
   return Figures{}.within("force N", force_n, 0.24, 0.26);
 }
@@ -236,7 +226,7 @@ Figures soft_settles(const Tuning& tuning) {
     scene.take(soft_at(0.0, 0.0, told));
     double force_n = 0.0, then_m = 0.0, then_n = 0.0;
     for (int step = 0; step < 60; ++step) {
-      for (int i = 0; i < 50; ++i) force_n = scene.tick_x(kHand);
+      for (int i = 0; i < 50; ++i) force_n = scene.tick(kHand);
       if (step > 0) scene.take(soft_at(then_m, then_m + kTrue * then_n, told), 0.05);
       then_m = scene.world->position_m().x();
       then_n = force_n;
@@ -252,7 +242,7 @@ Figures pile_bears(const Tuning& tuning) {
   double force_n = 0.0;
   for (int answer = 0; answer < 20; ++answer) {
     scene.take(pile_at(0.0, 1.0), 0.05);
-    for (int i = 0; i < 50; ++i) force_n = scene.tick_x(-1e-3);
+    for (int i = 0; i < 50; ++i) force_n = scene.tick(-1e-3);
   }
   return Figures{}.within("force N", force_n, 0.49, 0.51);
 }
@@ -270,12 +260,12 @@ Step step_of(const Tuning& tuning, double wait_s, const Answer& at) {
   scene.damping_n_s_per_m = 0.0;
   scene.take(at(0.0));
   double before_n = 0.0;
-  for (int i = 0; i < 100; ++i) before_n = scene.tick_x(-1e-3);
+  for (int i = 0; i < 100; ++i) before_n = scene.tick(-1e-3);
   scene.take(at(kMoved_m));
   const double due_n = before_n + kK * kMoved_m;
   Step out;
   for (int i = 0; i < static_cast<int>(wait_s / kH); ++i) {
-    const double force_n = scene.tick_x(-1e-3);
+    const double force_n = scene.tick(-1e-3);
     out.largest = std::max(out.largest, std::abs(force_n - before_n) / (kK * kMoved_m));
     before_n = force_n;
   }
@@ -316,7 +306,7 @@ Figures comes_out_of_a_wall(const Tuning& tuning) {
   int ticks = 0;
   while (scene.world->position_m().x() < -2e-3 && ticks < 1000) {
     const double before_m = scene.world->position_m().x();
-    scene.tick_x(-0.01);
+    scene.tick(-0.01);
     fastest_m_s = std::max(fastest_m_s, (scene.world->position_m().x() - before_m) / kH);
     ++ticks;
   }
@@ -379,7 +369,7 @@ Figures facing_supports_agree(const Tuning& tuning) {
   double least_n = 1e9, most_n = 0.0;
   for (int i = 0; i < 400; ++i) {
     if (i % 50 == 0) scene.take(told, i == 0 ? 0.0 : 0.05);
-    const double force_n = scene.tick_x(-1e-3);
+    const double force_n = scene.tick(-1e-3);
     if (i < 100) continue;
     least_n = std::min(least_n, force_n);
     most_n = std::max(most_n, force_n);
@@ -391,11 +381,11 @@ Figures facing_supports_agree(const Tuning& tuning) {
 Figures a_slip_is_over(const Tuning& tuning) {
   Scene scene(tuning);
   scene.take(pile_at(0.0), 0.0);
-  for (int i = 0; i < 50; ++i) scene.tick_x(-1e-3);
+  for (int i = 0; i < 50; ++i) scene.tick(-1e-3);
   scene.take(pile_at(-2e-3), 0.0);
   double low_m = 1.0;
   for (int i = 0; i < 50; ++i) {
-    scene.tick_x(-4e-3);
+    scene.tick(-4e-3);
     low_m = std::min(low_m, scene.world->position_m().x());
   }
   return Figures{}.within("lowest mm", 1e3 * low_m, -2.7, -0.8);
@@ -405,10 +395,10 @@ Figures a_slip_is_over(const Tuning& tuning) {
 Figures a_pile_gives_way(const Tuning& tuning) {
   Scene scene(tuning);
   scene.take(pile_at(0.0));
-  for (int i = 0; i < 5; ++i) scene.tick_x(-1e-3);
+  for (int i = 0; i < 5; ++i) scene.tick(-1e-3);
   const double before_m = scene.world->position_m().x();
   double force_n = 0.0;
-  for (int i = 0; i < 20; ++i) force_n += scene.tick_x(-1e-3) / 20.0;
+  for (int i = 0; i < 20; ++i) force_n += scene.tick(-1e-3) / 20.0;
   const double mobility = (before_m - scene.world->position_m().x()) / 0.02 / force_n;
   return Figures{}.within("mm/s per N", 1e3 * mobility, 0.9, 3.1);
 }
@@ -418,7 +408,7 @@ Figures a_soft_body_gives_way(const Tuning& tuning) {
   Scene scene(tuning);
   scene.take(soft_at(0.0, 0.0, 0.01));
   double force_n = 0.0;
-  for (int i = 0; i < 60; ++i) force_n = scene.tick_x(-0.008);
+  for (int i = 0; i < 60; ++i) force_n = scene.tick(-0.008);
   const double felt = (0.008 - force_n / kK) / force_n / 0.01;
   return Figures{}.within("times as soft", felt, 1.45, 3.05);
 }
@@ -432,7 +422,7 @@ Figures goes_on_for_its_period(const Tuning& tuning) {
     plate.body_kind[0] = 1;
     plate.body_velocity_m_s[0] = {0.1, 0, 0};
     scene.take(plate);
-    for (int i = 0; i < static_cast<int>(wait_s / kH); ++i) scene.tick_x(0.5);
+    for (int i = 0; i < static_cast<int>(wait_s / kH); ++i) scene.tick(0.5);
     return scene.surface_x();
   };
   const double steady_m = after(0.2 * 1.15, 0.2) - after(0.05, 0.2), stands_m = after(1.0, 0.05) - after(0.6, 0.05);
@@ -452,7 +442,7 @@ Figures waits_for_the_scheduler(const Tuning& tuning) {
     plate.body_kind[0] = 1;
     plate.body_velocity_m_s[0] = {0.1, 0, 0};
     at.take(plate);
-    for (int i = 0; i < late; ++i) at.tick_x(0.5);
+    for (int i = 0; i < late; ++i) at.tick(0.5);
     way_m[late == 2 ? 0 : 1] = at.surface_x();
   }
   return Figures{}.within("two late mm", 1e3 * way_m[0], 0.29, 0.5).within("in the end mm", 1e3 * way_m[1], 0.5, 4.0);
@@ -467,7 +457,7 @@ Figures keeps_the_way_out(const Tuning& tuning) {
     ProxyContacts told = wall_at(0.02 * side);
     told.contact_normal[0] = {side, 0, 0};
     scene.take(told);
-    for (int i = 0; i < 50; ++i) scene.tick_x(0.0);
+    for (int i = 0; i < 50; ++i) scene.tick(0.0);
   }
   return Figures{}.within("out at mm", 1e3 * scene.world->position_m().x(), 18.0, 22.0);
 }
@@ -478,21 +468,21 @@ Figures tells_contacts_apart(const Tuning& tuning) {
   Scene scene(tuning);
   scene.take(wall_at(0.0));
   double force_n = 0.0;
-  for (int i = 0; i < 100; ++i) force_n = scene.tick_x(-1e-3);
+  for (int i = 0; i < 100; ++i) force_n = scene.tick(-1e-3);
   ProxyContacts turned = wall_at(0.0);
   turned.contact_normal[0] = {std::cos(0.5), std::sin(0.5), 0};
   turned.contact_point_m[0] = {1e-3, 0, 0};
   scene.take(turned);
   double least_n = force_n;
-  for (int i = 0; i < 20; ++i) least_n = std::min(least_n, scene.tick_x(-1e-3));
+  for (int i = 0; i < 20; ++i) least_n = std::min(least_n, scene.tick(-1e-3));
   Scene corner(tuning);
   corner.take(wall_at(0.0));
-  for (int i = 0; i < 100; ++i) corner.tick_x(-1e-3);
+  for (int i = 0; i < 100; ++i) corner.tick(-1e-3);
   ProxyContacts other = wall_at(0.0);
   other.contact_normal[0] = {std::cos(1.3), std::sin(1.3), 0};
   other.contact_point_m[0] = {0, -1e-3, 0};
   corner.take(other);
-  for (int i = 0; i < 3; ++i) corner.tick_x(-1e-3);
+  for (int i = 0; i < 3; ++i) corner.tick(-1e-3);
   // Were it the same one, it would now be felt along its own normal alone.
   const Vector3d after = corner.world->impulse_n_s() / kH;
   return Figures{}

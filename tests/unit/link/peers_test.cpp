@@ -17,13 +17,15 @@ using testing::IsEmpty;
 
 constexpr std::uint64_t kS = rtbus::kNsPerS, kMs = rtbus::kNsPerMs;
 
+const std::vector<std::string> kNodes{"physics", "haptic0", "haptic1"};
+
 PeerHello self() { return {kVersion, 11, 1, 1, "lab", {"haptic0"}, false}; }
 PeerHello physics(std::uint64_t life, std::uint64_t supervisor) {
   return {kVersion, 11, life, supervisor, "lab", {"physics"}, false};
 }
 
 TEST(LinkPeers, TheFirstThatFitsSpeaks) {
-  Peers peers(self(), kS);
+  Peers peers(self(), kNodes, kS);
   EXPECT_FALSE(peers.accepts("physics", 7, 0));
   EXPECT_THAT(peers.hear(physics(7, 70), 0), ElementsAre(HasSubstr("physics is there")));
   EXPECT_THAT(peers.hear(physics(7, 70), kMs), IsEmpty());
@@ -33,7 +35,7 @@ TEST(LinkPeers, TheFirstThatFitsSpeaks) {
 }
 
 TEST(LinkPeers, WhoDoesNotFitIsRefusedOnceWithItsReason) {
-  Peers peers(self(), kS);
+  Peers peers(self(), kNodes, kS);
   (void)peers.hear(physics(7, 70), 0);
   PeerHello other = physics(8, 80);
   other.version = kVersion + 1;
@@ -55,8 +57,17 @@ TEST(LinkPeers, WhoDoesNotFitIsRefusedOnceWithItsReason) {
   EXPECT_EQ(peers.refused_packets(), 4u);
 }
 
+TEST(LinkPeers, ANodeThatTheSessionHasNotIsRefusedAndNotRemembered) {
+  Peers peers(self(), kNodes, kS);
+  PeerHello other = physics(8, 80);
+  other.nodes = {"physics", "haptic7"};
+  EXPECT_THAT(peers.hear(other, 0), ElementsAre(testing::AllOf(HasSubstr("haptic7"), HasSubstr("session file"))));
+  EXPECT_EQ(peers.life_of("haptic7"), 0u);
+  EXPECT_FALSE(peers.accepts("physics", 8, 0));
+}
+
 TEST(LinkPeers, ASecondOneWaitsUntilTheFirstHasBeenSilent) {
-  Peers peers(self(), kS);
+  Peers peers(self(), kNodes, kS);
   (void)peers.hear(physics(7, 70), 0);
   EXPECT_THAT(peers.hear(physics(8, 80), kMs), ElementsAre(HasSubstr("another peer")));
   EXPECT_TRUE(peers.accepts("physics", 7, 900 * kMs));  // a packet is a sign of life too
@@ -68,7 +79,7 @@ TEST(LinkPeers, ASecondOneWaitsUntilTheFirstHasBeenSilent) {
 }
 
 TEST(LinkPeers, ASuccessorOfTheSameSupervisorIsTakenAtOnceAndOneThatLeavesMakesRoom) {
-  Peers peers(self(), kS);
+  Peers peers(self(), kNodes, kS);
   (void)peers.hear(physics(7, 70), 0);
   (void)peers.hear(physics(8, 70), kMs);
   EXPECT_EQ(peers.life_of("physics"), 8u);
@@ -80,7 +91,7 @@ TEST(LinkPeers, ASuccessorOfTheSameSupervisorIsTakenAtOnceAndOneThatLeavesMakesR
 }
 
 TEST(LinkPeers, AFloodOfStrangersIsNotToldWithoutEnd) {
-  Peers peers(self(), kS);
+  Peers peers(self(), kNodes, kS);
   std::size_t told = 0;
   for (std::uint64_t life = 100; life < 5100; ++life) {
     PeerHello other = physics(life, life);

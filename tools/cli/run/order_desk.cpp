@@ -288,6 +288,7 @@ rtbus::Result<OrderDesk::Node*, std::string> OrderDesk::node_of(const json& orde
   const std::string name = text_of(order, "node");
   std::string names;
   for (Node& node : nodes_) {
+    if (node.config == nullptr) continue;  // ordered where it runs
     if (node.config->name == name) return &node;
     names += (names.empty() ? "" : ", ") + node.config->name;
   }

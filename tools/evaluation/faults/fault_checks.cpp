@@ -78,12 +78,21 @@ void check_row(const FaultRow& row, const std::vector<FaultOutcome>& runs, doubl
                                worst(runs, [](const FaultOutcome& run) { return 100.0 * run.growth_per_ms; }), "%/ms",
                                kGrowth_percent_per_ms, paused);
       break;
+    case Ends::kMayGoOn:
+      experiment.check_at_least(
+          id + ".goes_on", "least force where the session goes on, share of the one before",
+          -worst(runs,
+                 [](const FaultOutcome& run) { return run.went_on ? -100.0 * run.lowest_n / run.before_n : -100.0; }),
+          "%", kStillFelt_percent, paused);
+      [[fallthrough]];
     case Ends::kStaysAtZero:
     case Ends::kWithSession:
-      experiment.check_at_most(
-          id + ".stays_zero", "largest force after the zero",
-          worst(runs, [](const FaultOutcome& run) { return run.zero_ms < 0.0 ? run.peak_n : run.after_zero_n; }), "N",
-          0.0, paused);
+      experiment.check_at_most(id + ".stays_zero", "largest force after the zero",
+                               worst(runs,
+                                     [](const FaultOutcome& run) {
+                                       return run.went_on ? 0.0 : run.zero_ms < 0.0 ? run.peak_n : run.after_zero_n;
+                                     }),
+                               "N", 0.0, paused);
       break;
     case Ends::kNeverStarts:
       experiment.check_at_most(id + ".no_force", "largest force",
@@ -116,7 +125,7 @@ void check_row(const FaultRow& row, const std::vector<FaultOutcome>& runs, doubl
   const auto wrong_end = [&](const FaultOutcome& run) {
     const bool as_told = row.exit_status == FaultRow::kAnyFailure ? run.exit_status > 0 && run.exit_status < 128
                                                                   : run.exit_status == row.exit_status;
-    return (as_told ? 0.0 : 1.0) + run.processes_left;
+    return (as_told || (run.went_on && run.exit_status == 0) ? 0.0 : 1.0) + run.processes_left;
   };
   experiment.check_between(id + ".end", "wrong exit status, and processes left behind", worst(runs, wrong_end), "", 0.0,
                            0.0, paused);

@@ -35,6 +35,7 @@ void each_member(Outcome& outcome, const Visit& visit) {
   visit("exit_status", outcome.exit_status);
   visit("restarts", outcome.restarts);
   visit("processes_left", outcome.processes_left);
+  visit("went_on", outcome.went_on);
   visit("restarted", outcome.restarted);
   visit("left_over", outcome.left_over);
   visit("fault_ns", outcome.fault_ns);

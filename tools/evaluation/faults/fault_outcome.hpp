@@ -37,6 +37,7 @@ struct FaultOutcome {
   double rate_hz = 0.0;                ///< Declared.
   int topics = 0, topics_back = 0;     ///< Deleted; found again, written by their live owner.
   int exit_status = -1;                ///< Of `rtbus run`.
+  bool went_on = false;                ///< With Ends::kMayGoOn: the session did not end by itself.
   int restarts = -1;                   ///< As its report says; −1: it wrote none.
   int processes_left = 0;              ///< That outlived the session, and were killed.
   std::string restarted;               ///< Which node, when it was one.

@@ -32,6 +32,7 @@ enum class Ends : std::uint8_t {
   kComesBack,    ///< The force, by itself.
   kStaysAtZero,  ///< Until the user has acted.
   kWithSession,  ///< The session ends, by itself.
+  kMayGoOn,      ///< The session ends by itself, or goes on with its force until it is told to end.
   kNeverStarts,  ///< The session ends before the hand gets any force.
 };
 

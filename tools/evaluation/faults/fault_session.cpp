@@ -239,6 +239,9 @@ void FaultSession::await_what_comes() {
     case Ends::kWithSession:
       if (!follow_until(kEnd_s, [this] { return run_pid_ == 0; })) fail("the session did not end");
       return follow(kSettle_s);
+    case Ends::kMayGoOn:
+      out_.went_on = run_pid_ != 0;
+      return follow(kSettle_s);
     case Ends::kNeverStarts:
       return;
   }

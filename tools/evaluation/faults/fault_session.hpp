@@ -98,7 +98,8 @@ class FaultSession {
   void take_pauses(BareLoop& witness);
   void end();
   [[nodiscard]] bool session_may_end() const noexcept {
-    return setup_.row->ends == Ends::kWithSession || setup_.row->ends == Ends::kNeverStarts;
+    return setup_.row->ends == Ends::kWithSession || setup_.row->ends == Ends::kMayGoOn ||
+           setup_.row->ends == Ends::kNeverStarts;
   }
 
   const FaultSetup& setup_;

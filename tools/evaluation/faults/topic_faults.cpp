@@ -22,7 +22,10 @@ std::string path_of(const std::string& session, const std::string& topic) {
 }
 
 /// The trace comes from there: damaged, it would be no witness.
-bool is_witness(const std::string& topic) { return topic == "haptic0.plant_state"; }
+constexpr const char* kWitness = "haptic0.plant_state";
+
+/// What a real device has in its cable.
+bool is_cable(const std::string& topic) { return topic == kWitness || topic == "haptic0.plant_command"; }
 
 void delete_topics(FaultSession& cell) {
   for (const rtbus::TopicInfo& topic : rtbus::list_topics(cell.name())) {
@@ -48,7 +51,7 @@ void delete_topics(FaultSession& cell) {
 
 void cut_topics(FaultSession& cell) {
   for (const rtbus::TopicInfo& topic : rtbus::list_topics(cell.name())) {
-    if (is_witness(topic.topic)) continue;
+    if (topic.topic == kWitness) continue;
     if (::truncate(path_of(cell.name(), topic.topic).c_str(), 0) != 0 && errno != ENOENT) cell.fail("truncate failed");
   }
   cell.follow(FaultSession::kHold_s);
@@ -62,7 +65,7 @@ void scribble(FaultSession& cell) {
   };
   std::vector<Target> targets;
   for (const rtbus::TopicInfo& topic : rtbus::list_topics(cell.name())) {
-    if (is_witness(topic.topic)) continue;
+    if (is_cable(topic.topic)) continue;
     const int fd = ::open(path_of(cell.name(), topic.topic).c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
     if (fd >= 0) targets.push_back({fd, static_cast<off_t>(topic.segment_bytes)});
   }
@@ -108,10 +111,11 @@ std::vector<FaultRow> topic_faults() {
                  .what = "every topic's file but the witness is cut to nothing, all at once",
                  .feels = Feels::kAnything,
                  .happen = &cut_topics});
-  out.push_back({.name = "topics_scribbled",
-                 .what = "random bytes are written into all segments for a second",
-                 .feels = Feels::kAnything,
-                 .happen = &scribble});
+  out.push_back(
+      {.name = "topics_scribbled",
+       .what = "random bytes are written into all segments for a second, but for the cable of the simulated device",
+       .feels = Feels::kAnything,
+       .happen = &scribble});
   out.push_back({.name = "topics_forbidden",
                  .what = "every topic's file gets mode 000 for a second",
                  .feels = Feels::kNothing,
