@@ -8,11 +8,8 @@ namespace haptic {
 
 namespace {
 
-/// Least damping ratio ζ of the tip on a coupling whose other end follows slowly. The corners of the set-point's line,
-/// one per period T of physics, reach the tip's own frequency f with sinc²(π·f·T) of their size and are amplified there
-/// by 1/(2ζ): half of this keeps them smaller than what made them wherever 1/T is below 1.5·f; the other half is for a
-/// tip that moves, which dry friction does not calm (decision 0011).
-constexpr double kLeastDampingRatio = 0.2, kSlowPhysics = 1.5;
+/// Physics is slow below so many times the tip's own frequency (decision 0011).
+constexpr double kSlowPhysics = 1.5;
 
 }  // namespace
 
@@ -23,7 +20,7 @@ Gains GainLimits::bearable(const Gains& wanted) const noexcept {
   // Without it the set-point of a slow physics, which moves in straight lines, rings the tip at each corner.
   const double floor_n_s_per_m = set_points_per_s >= kSlowPhysics * own_hz
                                      ? 0.0
-                                     : 2.0 * kLeastDampingRatio * std::sqrt(out.stiffness_n_per_m * tip_mass_kg);
+                                     : 2.0 * least_damping_ratio * std::sqrt(out.stiffness_n_per_m * tip_mass_kg);
   out.damping_n_s_per_m = std::min(std::max(wanted.damping_n_s_per_m, floor_n_s_per_m), damping_max_n_s_per_m);
   return out;
 }

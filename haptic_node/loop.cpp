@@ -17,9 +17,17 @@ using rtbus::vector_of;
 bool pressed(std::uint32_t buttons, int button) noexcept { return button >= 0 && ((buttons >> button) & 1u) != 0; }
 
 std::unique_ptr<Method> make_method(const HapticConfig& config, const Mapping& mapping) {
-  const MethodContext context{
-      config.stiffness_n_per_m, config.damping_n_s_per_m, mapping,         config.shapes,
-      config.wire.paper,        config.proxy.mass_kg,     config.standing, config.other_hands.size()};
+  const Echo echo{config.set_point_delay_s, config.gain_limits.tip_mass_kg,
+                  config.proxy.mass_kg / config.mapping.gain_to_world()};
+  const MethodContext context{config.stiffness_n_per_m,
+                              config.damping_n_s_per_m,
+                              mapping,
+                              config.shapes,
+                              config.wire.paper,
+                              config.proxy.mass_kg,
+                              config.standing,
+                              config.other_hands.size(),
+                              echo};
   return find_method(config.method)->make(context);
 }
 

@@ -152,12 +152,12 @@ const char* default_method(const rtbus::config::SessionConfig& session, const rt
     return body.mass_kg > 0.0 && body.mass_kg < kLightestBody * tip_mass_kg;
   });
   const bool soft = !session.scene.soft_bodies.empty();
-  const bool far_hands = wire.dds && session.haptic.size() > 1;
+  const bool far_hands = wire.dds && refused_across_network(*find_method("local_contact"), session.haptic.size());
   return wire.paper || wire.pipe || far_hands || light || soft ? "remote_virtual_coupling" : "local_contact";
 }
 
-/// Keys of the link and of some methods, and what does not go together.
-void read_method_keys(Map& entry, const MethodEntry& method, HapticConfig& out) {
+/// Keys of the link and of some methods, and what does not go together. @param hands Of the session.
+void read_method_keys(Map& entry, const MethodEntry& method, std::size_t hands, HapticConfig& out) {
   if (out.wire.rate_hz && *out.wire.rate_hz > out.rate_hz) {
     entry.fail("link_rate_hz", "is above rate_hz = " + format_number(out.rate_hz) +
                                    " Hz: there is no newer state of the hand to send; lower it or leave it out");
@@ -170,6 +170,11 @@ void read_method_keys(Map& entry, const MethodEntry& method, HapticConfig& out) 
   }
   if (method.needs_contacts && out.wire.pipe) {
     entry.fail("link", "carries no contacts, which method " + out.method + " needs; use bus");
+  }
+  if (out.wire.dds && refused_across_network(method, hands)) {
+    entry.fail("method",
+               "does not carry several hands over a network: each would hear of the others a round trip late, "
+               "and they would lose what they hold; leave it out, or use remote_virtual_coupling");
   }
   // One period of the ramp and half a period of age: what lies between the sampling of a hand and the force.
   out.prediction_periods = entry.number("prediction_periods", {0.0, 10.0}, 1.5);
@@ -198,7 +203,7 @@ void read_method(Map& entry, rtbus::config::SessionConfig& session, HapticConfig
     entry.fail("method", "looks at every shape in every cycle and takes at most " + std::to_string(kMaxDirectShapes) +
                              "; the scene has " + std::to_string(out.shapes.size()) + ": use remote_virtual_coupling");
   }
-  read_method_keys(entry, method, out);
+  read_method_keys(entry, method, session.haptic.size(), out);
 }
 
 void read_realtime(Map& entry, HapticConfig& out) {

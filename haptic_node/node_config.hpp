@@ -36,13 +36,14 @@ struct HapticConfig {
   LoopClock clock = LoopClock::kTimer;
   std::string method;                    ///< A row of rendering/registry.cpp.
   rtbus::config::LinkConfig wire;        ///< Form of the method, and how packets go to physics.
+  double set_point_delay_s = 0.0;        ///< Over a network: from the hand to the set-point that answers it; else 0.
   double prediction_periods = 0.0;       ///< Horizon of eq. (4), in physics steps.
   rtbus::config::ProxyBodyConfig proxy;  ///< The mass is read by methods that simulate the proxy themselves.
   double stiffness_requested_n_per_m = 0.0;
   double stiffness_n_per_m = 0.0;  ///< Rendered: lowered to what device and rate allow.
   double damping_requested_n_s_per_m = 0.0;
   /// Rendered: lowered to what mass, rate and velocity filter can carry; of `remote_virtual_coupling`, as improved, at
-  /// least a fifth of critical.
+  /// least a fifth of critical where physics is slow, two fifths over a network.
   double damping_n_s_per_m = 0.0;
   GainLimits gain_limits;
   bool adjustable_stiffness = false, adjustable_damping = false;  ///< `adjustable`: orders may change them.

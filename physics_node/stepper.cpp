@@ -69,6 +69,10 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
 }
 
 void Stepper::take_hand_impulses(Link& link, const rtbus::DeviceState& device, bool begins) {
+  if (begins || !link.owns_proxy) {
+    link.queue.clear();
+    link.told_s = 0.0;
+  }
   HandImpulses now;
   now.body = device.hand_impulse_body;
   now.generation = device.hand_impulse_generation;
@@ -100,14 +104,28 @@ void Stepper::take_hand_impulses(Link& link, const rtbus::DeviceState& device, b
       pending.middle = std::clamp(1.0 - integral.dot(pending.impulse_n_s) / (square * elapsed_s), 0.0, 1.0);
     }
   }
+  if (!begins && link.owns_proxy) link.told_s += elapsed_s;
   link.hand_impulses = now;
 }
 
-/// Applies the part of the pending impulses that belongs to the interval [from, to] of a step of `dt_s` seconds (0…1 of
-/// the step).
+/// What the bodies receive in the next step. Over a network, evenly.
+void Stepper::gather_impulses(Link& link, double dt_s) {
+  link.due.clear();
+  if (!link.config.wire.over_network()) {
+    link.due.assign(link.pending.begin(), link.pending.end());
+  } else if (link.owns_proxy) {
+    if (link.told_s > 0.0) link.queue.tell(link.pending, link.told_s);
+    link.queue.take(dt_s, link.due);
+  }
+  link.pending = {};
+  link.told_s = 0.0;
+}
+
+/// Applies the part of the impulses of the step that belongs to the interval [from, to] of a step of `dt_s` seconds
+/// (0…1 of the step).
 void Stepper::apply_pending(std::size_t proxy, double from, double to, double dt_s) {
   Link& link = links_[proxy];
-  for (const PendingImpulse& pending : link.pending) {
+  for (const PendingImpulse& pending : link.due) {
     if (pending.impulse_n_s.isZero(0.0) && pending.angular_n_m_s.isZero(0.0)) continue;
     // Distributed around its mean time, as wide as the step allows, at least one part. The loop counts an impulse at
     // the beginning of its tick; so does a part of a step. Over both ends of a part that is half a part later. (Without
@@ -129,6 +147,8 @@ void Stepper::release(std::size_t proxy) {
   link.silent = true;
   link.wants_contacts = false;
   link.pending = {};
+  link.queue.clear();
+  link.told_s = 0.0;
   world_->release_proxy(proxy);
 }
 
@@ -140,12 +160,17 @@ double Stepper::contact_radius_m(std::size_t proxy) const {
   return std::max(kRestRadius_m * link.position_scale, std::max(2.0 * step_s_, link.answer_age_s) * speed_m_s);
 }
 
+std::uint64_t Stepper::received_until_ns(const Link& link) noexcept {
+  return link.device_time_ns - std::min(link.device_time_ns, rtbus::ns_of(link.queue.queued_s()));
+}
+
 void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {
   world_->contacts(proxy, radius_m > 0.0 ? radius_m : contact_radius_m(proxy), contacts_);
   fill_message(contacts_, answer(proxy), out);
+  out.device_time_ns = received_until_ns(links_[proxy]);
   out.hands = static_cast<std::uint32_t>(std::min(links_.size(), rtbus::kHandSlots));
   for (std::size_t i = 0; i < out.hands; ++i) {
-    out.hand_time_ns[i] = links_[i].owns_proxy ? links_[i].device_time_ns : 0;
+    out.hand_time_ns[i] = links_[i].owns_proxy ? received_until_ns(links_[i]) : 0;
   }
 }
 
@@ -185,6 +210,7 @@ void Stepper::step(double dt_s, int substeps) {
     link.coupling_force_n.setZero();
     link.contact_force_n.setZero();
     link.contacts = 0;
+    gather_impulses(link, dt_s);
   }
   const auto end_of = [dt_s](const Link& link) -> Vector3d {
     if (!link.enabled || link.config.lead_steps == 0.0) return link.target.position_m;
@@ -222,12 +248,11 @@ void Stepper::step(double dt_s, int substeps) {
   for (Link& link : links_) {
     link.previous_target_m = end_of(link);
     if (!link.owns_proxy) continue;
-    for (const PendingImpulse& pending : link.pending) {
+    for (const PendingImpulse& pending : link.due) {
       link.contact_force_n -= pending.impulse_n_s / dt_s;
       link.contacts += pending.impulse_n_s.isZero(0.0) ? 0U : 1U;
     }
     link.coupling_force_n = -link.contact_force_n;
-    link.pending = {};
   }
   step_s_ = dt_s;
   simulated_s_ += dt_s;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "physics_node/engine/world.hpp"
+#include "physics_node/impulse_queue.hpp"
 #include "physics_node/node_config.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/messages.hpp"
@@ -67,7 +68,8 @@ class Stepper {
   [[nodiscard]] bool wants_contacts(std::size_t proxy) const { return links_.at(proxy).wants_contacts; }
 
   /// Contacts of the proxy within `radius_m`, and the bodies behind them. 0: within contact_radius_m(). Changes
-  /// nothing.
+  /// nothing. Their device_time_ns is the hand's time until which bodies have received what it did: over a network a
+  /// little before that of answer().
   void contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out);
 
   /// The same for observers.
@@ -97,13 +99,6 @@ class Stepper {
     std::array<Eigen::Vector3d, rtbus::kHandImpulseRows> impulse_n_s, angular_n_m_s, integral_n_s2;
     std::uint64_t time_ns = 0;
   };
-  /// Impulse that a body receives in the next step.
-  struct PendingImpulse {
-    std::size_t body = 0;
-    Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
-    Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
-    double middle = 0.5;  ///< Its mean time in the step, 0…1.
-  };
   /// Between one device and its proxy.
   struct Link {
     ProxyConfig config;
@@ -126,11 +121,17 @@ class Stepper {
     double hand_stiffness_n_per_m = 0.0;  // the order, in the world
     double hand_damping_n_s_per_m = 0.0;
     double prediction_periods = 0.0;
-    bool owns_proxy = false;     // the device does: bodies get what it gives them, nothing else
-    HandImpulses hand_impulses;  // as of its newest state
-    std::array<PendingImpulse, rtbus::kHandImpulseRows> pending;  // by the next step
+    bool owns_proxy = false;          // the device does: bodies get what it gives them, nothing else
+    HandImpulses hand_impulses;       // as of its newest state
+    ImpulseQueue::Rows pending;       // by the next step; over a network since the last one
+    ImpulseQueue queue;               // over a network
+    double told_s = 0.0;              // hand's time in pending, likewise
+    std::vector<PendingImpulse> due;  // in this step
   };
   void take_hand_impulses(Link& link, const rtbus::DeviceState& device, bool begins);
+  void gather_impulses(Link& link, double dt_s);
+  /// Time of the hand until which bodies have received what it did.
+  [[nodiscard]] static std::uint64_t received_until_ns(const Link& link) noexcept;
   void apply_pending(std::size_t proxy, double from, double to, double dt_s);
   [[nodiscard]] ProxyTarget explicit_spring(std::size_t proxy) const;
   [[nodiscard]] Eigen::Vector3d hand_force_n(const Link& link, const ProxyReadout& readout) const;

@@ -19,6 +19,8 @@ constexpr std::uint32_t kPatchPoints = 3;
 constexpr double kPatchRadius = std::numbers::sqrt3;
 /// What goes slower than this, in either way, stands still.
 constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
+/// As old as an answer is without a network.
+constexpr double kGivesWay_s = 10e-3;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
@@ -48,7 +50,10 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
   ball_ = is_ball(told);
   supported_ = rocks_ = false;
-  softness_per_kg_ = since.tuning.support_softness * inverse_mass_per_kg_;
+  // A hand that pushes otherwise than at the answered instant moves it against its supports for the whole age of the
+  // answer: behind a network, by no more than in kGivesWay_s.
+  const double gives_way = since.networked ? kGivesWay_s / std::max(since.seconds(), kGivesWay_s) : 1.0;
+  softness_per_kg_ = gives_way * since.tuning.support_softness * inverse_mass_per_kg_;
   take_supports(told, since.tuning, motion, supports, old);
   if (!told.complete) {
     // Nothing would hold what holds it: it goes on as it went. As in a pile, a speed that the hand does not share is
@@ -140,8 +145,9 @@ void FreeBody::stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion&
 }
 
 Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept {
-  // What stands still stands until it is pushed. In a part in which that begins, friction would brake it from before.
-  const bool waits = since.waits && since.others.none() && support_count_ > 0 &&
+  // Behind a network what stands still stands until it is pushed. In a part in which that begins, friction would brake
+  // it from before.
+  const bool waits = since.networked && since.others.none() && support_count_ > 0 &&
                      motion.velocity_m_s.norm() < kStill_m_s && motion.angular_velocity_rad_s.norm() < kStill_rad_s;
   const std::uint64_t from_ns = waits ? since.history.first_after(since.from_ns, since.now_ns) : since.from_ns;
   if (from_ns >= since.now_ns) return Quaterniond::Identity();

@@ -75,7 +75,7 @@ struct SinceAnswer {
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
   const Tuning& tuning;
   double besides_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
-  bool waits = false;      ///< What rests does so until it is pushed: the parts begin there.
+  bool networked = false;  ///< The answer has come over a network, and is old.
 
   /// For which the world moves on.
   [[nodiscard]] double seconds() const noexcept {

@@ -19,7 +19,8 @@ std::unique_ptr<Method> make_direct(const MethodContext& context) {
 }
 
 std::unique_ptr<Method> make_remote_virtual_coupling(const MethodContext& context) {
-  return std::make_unique<RemoteVirtualCoupling>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.paper);
+  return std::make_unique<RemoteVirtualCoupling>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.paper,
+                                                 context.echo);
 }
 
 std::unique_ptr<Method> make_interpolation(const MethodContext& context) {

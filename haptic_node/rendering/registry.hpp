@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "haptic_node/rendering/echo.hpp"
 #include "haptic_node/rendering/mapping.hpp"
 #include "haptic_node/rendering/method.hpp"
 #include "rtbus/shapes/shapes.hpp"
@@ -24,6 +25,7 @@ struct MethodContext {
   double proxy_mass_kg = 0.1;                      ///< In the world, for a method that simulates the proxy itself.
   std::vector<rtbus::shapes::StandingShape> standing{};  ///< Static boxes, hulls and meshes of the scene, in W.
   std::size_t other_hands = 0;                           ///< Haptic nodes of the session besides this one.
+  Echo echo{};                                           ///< Of a network between the loop and physics.
 };
 
 /// The force that physics computes for a method, if any.

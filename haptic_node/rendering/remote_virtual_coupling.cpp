@@ -6,6 +6,7 @@
 namespace haptic {
 
 void RemoteVirtualCoupling::follow(const RenderInput& input) noexcept {
+  const bool from_here = !placed_;
   if (input.proxy.fresh || !placed_) {
     from_m_ = placed_ ? at_m_ : input.proxy.position_m;
     placed_ = true;
@@ -22,6 +23,17 @@ void RemoteVirtualCoupling::follow(const RenderInput& input) noexcept {
   } else {
     velocity_m_s_.setZero();
   }
+  lag_behind(from_here, input.dt_s);
+}
+
+void RemoteVirtualCoupling::lag_behind(bool from_here, double dt_s) noexcept {
+  if (from_here || lag_s_ <= 0.0) {
+    lagging_m_ = at_m_;
+    return;
+  }
+  const Eigen::Vector3d way_m = dt_s / (lag_s_ + dt_s) * (at_m_ - lagging_m_);
+  lagging_m_ += way_m;
+  velocity_m_s_ = way_m / dt_s;
 }
 
 RenderOutput RemoteVirtualCoupling::render(const RenderInput& input) noexcept {
@@ -39,10 +51,10 @@ RenderOutput RemoteVirtualCoupling::render(const RenderInput& input) noexcept {
     return out;
   }
   follow(input);
-  out.proxy_position_m = at_m_;
+  out.proxy_position_m = lagging_m_;
   out.proxy_velocity_m_s = velocity_m_s_;
   out.force_n =
-      stiffness_n_per_m_ * (at_m_ - input.position_m) + damping_n_s_per_m_ * (velocity_m_s_ - input.velocity_m_s);
+      stiffness_n_per_m_ * (lagging_m_ - input.position_m) + damping_n_s_per_m_ * (velocity_m_s_ - input.velocity_m_s);
   return out;
 }
 

@@ -13,7 +13,9 @@ LinkConfig read_link_config(Map& entry) {
   if (out.paper) out.rate_hz = kPaperLinkRate_hz;
   // The lower bound keeps a packet younger than the silence after which physics gives a hand up (100 ms).
   if (entry.has("link_rate_hz")) out.rate_hz = entry.number("link_rate_hz", {15.0, 10000.0});
-  if (out.dds) out.round_trip_s = entry.number("link_round_trip_ms", {1.0, 2000.0}, 200.0) * 1e-3;
+  if (out.dds) {
+    out.round_trip_s = entry.number("link_round_trip_ms", {1e3 * LinkConfig::kLeastRoundTrip_s, 2000.0}, 200.0) * 1e-3;
+  }
   if (!out.dds && entry.has("link_round_trip_ms")) {
     entry.fail("link_round_trip_ms", "is for link: dds, where physics is on another machine; leave it out");
   }

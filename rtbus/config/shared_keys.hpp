@@ -23,6 +23,10 @@ struct LinkConfig {
   /// `link_round_trip_ms` with `link: dds`: the largest round trip that the link is meant for [s]; else 0. All limits
   /// of age grow with it.
   double round_trip_s = 0.0;
+
+  static constexpr double kLeastRoundTrip_s = 1e-3;  ///< That `link_round_trip_ms` takes.
+  /// The two ends hear each other late, unevenly, and not of everything.
+  [[nodiscard]] bool over_network() const noexcept { return round_trip_s >= kLeastRoundTrip_s; }
 };
 [[nodiscard]] LinkConfig read_link_config(Map& entry);
 

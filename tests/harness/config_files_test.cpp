@@ -207,7 +207,7 @@ TEST(HapticConfig, HearsTheOtherHandsOfThisMachineAlone) {
   EXPECT_EQ(hand({"haptic.0.method=remote_virtual_coupling"}).other_hands.size(), 0U);
   EXPECT_EQ(hand({"haptic.1.link=dds"}).other_hands.size(), 0U);
   EXPECT_EQ(hand({"haptic.0.link=dds"}).method, "remote_virtual_coupling");
-  EXPECT_EQ(hand({"haptic.0.link=dds", "haptic.0.method=local_contact"}).other_hands.size(), 0U);
+  EXPECT_THROW((void)hand({"haptic.0.link=dds", "haptic.0.method=local_contact"}), rtbus::config::Error);
 }
 
 TEST(HapticConfig, KnowsTheShapesOfTheFileOnlyWherePhysicsHasThem) {

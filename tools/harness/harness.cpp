@@ -22,8 +22,10 @@ constexpr std::uint64_t kDeviceSilent_ns = 100 * rtbus::kNsPerMs;  // physics::N
 
 std::uint64_t to_ns(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e9)); }
 
+/// As `link_round_trip_ms` would say it: that of a network which only loses is the least.
 double longest_round_trip_s(const NetworkOptions& network) {
-  return (1.0 + network.jitter_share) * network.round_trip_s;
+  const double delay_s = (1.0 + network.jitter_share) * network.round_trip_s;
+  return network.lost_share > 0.0 ? std::max(delay_s, rtbus::config::LinkConfig::kLeastRoundTrip_s) : delay_s;
 }
 
 double cpu_s() {
@@ -93,6 +95,7 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     settings.safety.passivity.damps = options.energy_damper;
     if (options.network.exists()) {
       haptic::put_across_network(settings, longest_round_trip_s(options.network));
+      if (!options.echo_lag) settings.set_point_delay_s = 0.0;
       settings.other_hands.clear();  // as with `link: dds`
     }
     hands_.push_back(std::make_unique<Hand>(std::move(settings), session, kStart_ns, options.measure_cost));
@@ -115,6 +118,9 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
   if (session.physics && needs_physics) {
     physics::NodeConfig physics = physics::read_node_config(session);
     physics_ = physics.physics;
+    for (physics::ProxyConfig& proxy : physics.proxies) {
+      if (options.network.exists()) proxy.wire.round_trip_s = longest_round_trip_s(options.network);
+    }
     auto world = physics::make_world(physics_->engine, session.scene, physics_->engine_settings());
     if (options.around_world) world = options.around_world(std::move(world));
     stepper_ = std::make_unique<physics::Stepper>(std::move(world), physics.proxies, physics_->substeps);

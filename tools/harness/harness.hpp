@@ -34,6 +34,7 @@ struct HarnessOptions {
   bool passivity = true;            ///< False: energy is observed, not controlled, for comparison.
   bool energy_bound = true;         ///< False: the controller's damper alone, likewise.
   bool energy_damper = true;        ///< False: the bound of the force alone, likewise.
+  bool echo_lag = true;             ///< False: over a network the set-point does not lag (echo.hpp), likewise.
   bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
   double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
   double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.

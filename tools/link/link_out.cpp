@@ -1,4 +1,5 @@
 // The thread `link_out`: what local topics say goes to the other machine.
+#include <algorithm>
 #include <optional>
 #include <span>
 
@@ -61,7 +62,9 @@ void LinkNode::Impl::send_answer(Hand& hand) {
     answer.proxy->device_time_ns = echo->device_time_ns;
     if (answer.contacts) {
       answer.contacts->device_sequence = echo->device_sequence;
-      answer.contacts->device_time_ns = echo->device_time_ns;
+      // Bodies may have received what the hand did until a little before that sample only.
+      const std::uint64_t before_ns = proxy.value.device_time_ns - contacts.value.device_time_ns;
+      answer.contacts->device_time_ns = echo->device_time_ns - std::min(echo->device_time_ns, before_ns);
     }
   }
   (void)heartbeat_out->read_latest(beat);

@@ -9,6 +9,7 @@
 #include <thread>
 #include <utility>
 
+#include "haptic_node/across_network.hpp"
 #include "tools/cli/common/run_progress.hpp"
 #include "tools/evaluation/network/network_grid.hpp"
 #include "tools/evaluation/stability/parallel_cases.hpp"
@@ -78,6 +79,7 @@ std::vector<StabilityResult> run_grid(const std::vector<NetworkGridCell>& cells,
   }
   const auto work = [&](std::size_t i) {
     const NetworkGridCell& cell = cells[i];
+    if (cell.refused()) return StabilityResult{};
     const StabilityCase each = case_of(cell);
     Trace trace;
     StabilityResult out = run_case(each, options.session_file, options.assignments, false, &trace);
@@ -165,6 +167,15 @@ Table table_of(const std::vector<NetworkGridCell>& cells, const std::vector<Stab
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const NetworkGridCell& cell = cells[i];
     const StabilityResult& r = results[i];
+    if (cell.refused()) {
+      std::vector<Cell> row{std::string(network_scenes()[cell.scene].name),
+                            std::string(network_methods()[cell.method].name), 1e3 * cell.network.round_trip_s,
+                            100.0 * cell.network.jitter_share, 100.0 * cell.network.lost_share};
+      row.resize(table.columns.size() - 1, std::string("-"));
+      row.push_back(std::string("refused"));
+      table.rows.push_back(std::move(row));
+      continue;
+    }
     table.rows.push_back({std::string(network_scenes()[cell.scene].name),
                           std::string(network_methods()[cell.method].name), 1e3 * cell.network.round_trip_s,
                           100.0 * cell.network.jitter_share, 100.0 * cell.network.lost_share, 1e3 * r.age_p50_s,
@@ -175,7 +186,24 @@ Table table_of(const std::vector<NetworkGridCell>& cells, const std::vector<Stab
   return table;
 }
 
+std::size_t hands_of(const NetworkGridCell& cell) {
+  return network_scenes()[cell.scene].task == StabilityTask::kSecondHand ? 2 : 1;
+}
+
 }  // namespace
+
+bool NetworkGridCell::refused() const {
+  return network.exists() &&
+         haptic::refused_across_network(*haptic::find_method(network_methods()[method].method), hands_of(*this));
+}
+
+bool NetworkGridCell::usual() const {
+  const NetworkMethod& each = network_methods()[method];
+  const bool local_is_refused =
+      haptic::refused_across_network(*haptic::find_method(StabilityEnvelope::kLocal), hands_of(*this));
+  const std::string name = local_is_refused ? StabilityEnvelope::kRemote : StabilityEnvelope::kLocal;
+  return each.both() && each.method == name;
+}
 
 const std::vector<NetworkScene>& network_scenes() {
   static const std::vector<NetworkScene> scenes{{"wall", StabilityTask::kPress, false, 0.05},

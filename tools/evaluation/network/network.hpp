@@ -31,9 +31,10 @@ struct NetworkMethod {
   const char* name;    ///< In tables.
   const char* method;  ///< Of the session.
   bool bounds, damps;  ///< Parts of the energy's control (StabilityCase).
+  bool lags;           ///< The set-point, against the echo.
   bool both() const noexcept { return bounds && damps; }
 };
-/// The law of remote coupling alone, with each part of the energy's control, and both methods as a session gets them.
+/// The law of remote coupling alone, with each part of what keeps it passive, and both methods as a session gets them.
 [[nodiscard]] const std::vector<NetworkMethod>& network_methods();
 
 /// A cell of the grid: the case, and the same without a network.
@@ -51,6 +52,8 @@ struct NetworkEnvelope {
   static constexpr double kMaxLostShare = 0.3;
   static constexpr double kMaxBurstS = 0.1;
   static constexpr double kMinPhysicsHz = 20.0;
+  /// Of bullet: with the 30 of StabilityEnvelope a stack of boxes of a gram that is pressed rattles by itself.
+  static constexpr int kIterations = 60;
 };
 [[nodiscard]] StabilityCase draw_network_case(std::uint64_t seed);
 

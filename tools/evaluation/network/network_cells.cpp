@@ -16,6 +16,7 @@ StabilityCase cell_of(const NetworkMethod& method, const NetworkOptions& network
   out.method = method.method;
   out.bounds = method.bounds;
   out.damps = method.damps;
+  out.lags = method.lags;
   out.hand = StabilityHand::kStiff;
   out.stiffness_n_per_m = kStiffness;
   out.damping_n_s_per_m = kDamping;
@@ -32,11 +33,11 @@ StabilityCase cell_of(const NetworkMethod& method, const NetworkOptions& network
 
 const std::vector<NetworkMethod>& network_methods() {
   static const std::vector<NetworkMethod> methods{
-      {"remote coupling, law alone", StabilityEnvelope::kRemote, false, false},
-      {"remote coupling, damper (TDPA)", StabilityEnvelope::kRemote, false, true},
-      {"remote coupling, set-points (PSPM)", StabilityEnvelope::kRemote, true, false},
-      {StabilityEnvelope::kRemote, StabilityEnvelope::kRemote, true, true},
-      {StabilityEnvelope::kLocal, StabilityEnvelope::kLocal, true, true},
+      {"remote coupling, law alone", StabilityEnvelope::kRemote, false, false, false},
+      {"remote coupling, damper (TDPA)", StabilityEnvelope::kRemote, false, true, false},
+      {"remote coupling, set-points (PSPM)", StabilityEnvelope::kRemote, true, false, false},
+      {StabilityEnvelope::kRemote, StabilityEnvelope::kRemote, true, true, true},
+      {StabilityEnvelope::kLocal, StabilityEnvelope::kLocal, true, true, true},
   };
   return methods;
 }
@@ -90,6 +91,7 @@ StabilityCase draw_network_case(std::uint64_t seed) {
   out.seed = seed;
   if (random.chance(0.1)) out.task = StabilityTask::kPlate;
   out.jitter_s = out.lost_share = 0.0;
+  out.solver_iterations = E::kIterations;
   out.network.round_trip_s = random.chance(0.1) ? 0.0 : random.log_between(0.002, E::kMaxRoundTripS);
   out.network.out_share = random.chance(0.5) ? 0.5 : random.between(0.1, 0.9);
   out.network.jitter_share = random.chance(0.3) ? 0.0 : random.between(0.0, E::kMaxJitterShare);

@@ -19,6 +19,11 @@ struct NetworkScene {
 struct NetworkGridCell {
   std::size_t scene, method;  ///< Of network_scenes() and network_methods().
   NetworkOptions network;
+
+  /// A session is refused that asks for it (refused_across_network()): it is not run.
+  [[nodiscard]] bool refused() const;
+  /// What a session gets there that names no method.
+  [[nodiscard]] bool usual() const;
 };
 
 /// The hand that is taken where stiffness is compared with theory: the preset light, with the device's own.

@@ -267,6 +267,7 @@ HarnessOptions link_of(const StabilityCase& each) {
   out.passivity = each.bounds || each.damps;
   out.energy_bound = each.bounds;
   out.energy_damper = each.damps;
+  out.echo_lag = each.lags;
   const double middle_s = each.start_s() + 0.25;
   if (each.loop_pause_s > 0.0) {
     out.loop_stops_s = middle_s;

@@ -73,6 +73,7 @@ struct StabilityCase {
   double lost_share = 0.0;
   NetworkOptions network;            ///< Between the nodes; by itself none.
   bool bounds = true, damps = true;  ///< Parts of the energy's control; neither: it is observed only.
+  bool lags = true;                  ///< Over a network the set-point does, against the echo of the tip.
   double loop_pause_s = 0.0;
   double physics_pause_s = 0.0;
   int solver_iterations = 10;  ///< Of bullet. In the envelope of the second generation StabilityEnvelope::kIterations.

@@ -1,0 +1,88 @@
+#pragma once
+/// @file impulse_queue.hpp
+/// What a hand did to bodies, told unevenly by a network, is given to them evenly.
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <deque>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rtbus/messages.hpp"
+
+namespace physics {
+
+/// Impulse that a body receives in the next step.
+struct PendingImpulse {
+  std::size_t body = 0;
+  Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
+  double middle = 0.5;  ///< Its mean time in the step, 0…1.
+};
+
+/// A steady push whose samples come in bunches would be no push in one step and twice the push in the next: a light
+/// body rattles, and the hand feels that. Here each step takes as much of the hand's time as it lasts itself, as long
+/// as so much has been told. What a gap has left over drains within seconds: it is age of the answers, and nothing
+/// else, for they say which time of the hand they belong to (queued_s()).
+class ImpulseQueue {
+ public:
+  using Rows = std::array<PendingImpulse, rtbus::kHandImpulseRows>;
+
+  void clear() noexcept {
+    told_.clear();
+    queued_s_ = 0.0;
+  }
+
+  /// The hand's time went on by `seconds`, and it did `rows` meanwhile.
+  void tell(const Rows& rows, double seconds) {
+    told_.push_back({rows, std::max(seconds, 0.0), 1.0});
+    queued_s_ += told_.back().seconds;
+  }
+
+  /// What the next step of `dt_s` seconds gives to the bodies, one row for each, is added to `out`.
+  void take(double dt_s, std::vector<PendingImpulse>& out) {
+    const double spare_s = std::max(0.0, queued_s_ - dt_s);
+    double due_s = dt_s + std::max(spare_s * std::min(1.0, dt_s / kDrain_s), spare_s - kMost_s);
+    while (!told_.empty()) {
+      Told& first = told_.front();
+      const double left_s = first.share * first.seconds;
+      const double share = left_s > due_s ? due_s / first.seconds : first.share;
+      if (share > 0.0) add(first.rows, share, out);
+      first.share -= share;
+      due_s -= share * first.seconds;
+      queued_s_ -= share * first.seconds;
+      if (left_s > share * first.seconds) break;
+      told_.pop_front();
+    }
+    if (told_.empty()) queued_s_ = 0.0;
+  }
+
+  /// The bodies have received what the hand did until so long before its newest sample.
+  [[nodiscard]] double queued_s() const noexcept { return queued_s_; }
+
+ private:
+  static constexpr double kDrain_s = 2.0;
+  static constexpr double kMost_s = 0.25;
+
+  struct Told {
+    Rows rows;
+    double seconds;
+    double share;  ///< That is left.
+  };
+
+  static void add(const Rows& rows, double share, std::vector<PendingImpulse>& out) {
+    for (const PendingImpulse& row : rows) {
+      if (row.impulse_n_s.isZero(0.0) && row.angular_n_m_s.isZero(0.0)) continue;
+      auto found = std::find_if(out.begin(), out.end(), [&](const auto& other) { return other.body == row.body; });
+      if (found == out.end()) found = out.insert(out.end(), PendingImpulse{row.body});
+      found->impulse_n_s += share * row.impulse_n_s;
+      found->angular_n_m_s += share * row.angular_n_m_s;
+    }
+  }
+
+  std::deque<Told> told_;
+  double queued_s_ = 0.0;
+};
+
+}  // namespace physics

@@ -1,0 +1,103 @@
+#include "physics_node/impulse_queue.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using physics::ImpulseQueue;
+using physics::PendingImpulse;
+
+constexpr double kStep_s = 0.004, kPush_n = 0.5;
+
+/// A steady push on body 3.
+ImpulseQueue::Rows pushed(double seconds, std::size_t body = 3) {
+  ImpulseQueue::Rows rows{};
+  rows[1].body = body;
+  rows[1].impulse_n_s = {0.0, -kPush_n * seconds, 0.0};
+  rows[1].angular_n_m_s = {0.01 * seconds, 0.0, 0.0};
+  return rows;
+}
+
+double force_n(const std::vector<PendingImpulse>& given, std::size_t body = 3) {
+  double out = 0.0;
+  for (const PendingImpulse& each : given) out -= each.body == body ? each.impulse_n_s.y() / kStep_s : 0.0;
+  return out;
+}
+
+// Two steps' worth in every second step: after the first gap each step gets its own.
+TEST(ImpulseQueue, GivesEvenlyWhatComesInBunches) {
+  ImpulseQueue queue;
+  double least_n = 1e9, most_n = 0.0;
+  for (int step = 0; step < 200; ++step) {
+    if (step % 2 == 1) queue.tell(pushed(2.0 * kStep_s), 2.0 * kStep_s);
+    std::vector<PendingImpulse> given;
+    queue.take(kStep_s, given);
+    if (step < 20) continue;
+    least_n = std::min(least_n, force_n(given));
+    most_n = std::max(most_n, force_n(given));
+  }
+  EXPECT_GE(least_n, 0.98 * kPush_n);
+  EXPECT_LE(most_n, 1.02 * kPush_n);
+}
+
+TEST(ImpulseQueue, GivesAllAndSaysUntilWhenItHas) {
+  ImpulseQueue queue;
+  double told_s = 0.0;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero(), turned = Eigen::Vector3d::Zero();
+  for (int step = 0; step < 100; ++step) {
+    const double seconds = step % 7 == 0 ? 0.015 : step % 3 == 0 ? 0.007 : 0.0;
+    if (seconds > 0.0) queue.tell(pushed(seconds), seconds);
+    told_s += seconds;
+    std::vector<PendingImpulse> given;
+    queue.take(kStep_s, given);
+    for (const PendingImpulse& each : given) {
+      sum += each.impulse_n_s;
+      turned += each.angular_n_m_s;
+    }
+    const double until_s = told_s - queue.queued_s();
+    EXPECT_NEAR(sum.y(), -kPush_n * until_s, 1e-12) << step;
+    EXPECT_NEAR(turned.x(), 0.01 * until_s, 1e-12) << step;
+  }
+}
+
+// What an outage has held back comes afterwards, at the hand's own pace, and the queue drains within seconds.
+TEST(ImpulseQueue, GoesOnAfterAnOutageWithoutABlow) {
+  ImpulseQueue queue;
+  queue.tell(pushed(0.1), 0.1);
+  double most_n = 0.0;
+  for (int step = 0; step < 2'000; ++step) {
+    if (step > 0) queue.tell(pushed(kStep_s), kStep_s);
+    std::vector<PendingImpulse> given;
+    queue.take(kStep_s, given);
+    most_n = std::max(most_n, force_n(given));
+  }
+  EXPECT_LE(most_n, 1.06 * kPush_n);
+  EXPECT_LE(queue.queued_s(), 0.005);
+}
+
+TEST(ImpulseQueue, HoldsBackNoMoreThanAQuarterOfASecond) {
+  ImpulseQueue queue;
+  queue.tell(pushed(2.0), 2.0);
+  std::vector<PendingImpulse> given;
+  queue.take(kStep_s, given);
+  EXPECT_NEAR(queue.queued_s(), 0.25, 1e-9);
+}
+
+TEST(ImpulseQueue, KeepsBodiesApart) {
+  ImpulseQueue queue;
+  queue.tell(pushed(0.5 * kStep_s, 3), 0.5 * kStep_s);
+  queue.tell(pushed(0.5 * kStep_s, 4), 0.5 * kStep_s);
+  std::vector<PendingImpulse> given;
+  queue.take(kStep_s, given);
+  ASSERT_EQ(given.size(), 2u);
+  EXPECT_NEAR(force_n(given, 3), 0.5 * kPush_n, 1e-12);
+  EXPECT_NEAR(force_n(given, 4), 0.5 * kPush_n, 1e-12);
+  given.clear();
+  queue.take(kStep_s, given);
+  EXPECT_TRUE(given.empty());
+}
+
+}  // namespace
