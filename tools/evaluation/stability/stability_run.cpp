@@ -36,7 +36,8 @@ void simulate(const StabilityCase& each, const std::string& session_file, const 
     watch.tick(telemetry, plant.position_m(), -plant.actuator_work_j(), now_s);
     if (trace != nullptr) trace->push_back(StabilityTick::of(telemetry, each, now_s));
   };
-  const auto [window_s, watched_s] = WatchTimes(each);
+  const WatchTimes times(each);
+  const double window_s = times.window_s, watched_s = times.watched_s;
   harness.run(each.end_s(), observe);
   watch.begin_windows();
   bool rested = false;
