@@ -65,7 +65,8 @@ TEST_F(HandImpulsesTest, TheReplayReadsWhatIsTold) {
   EXPECT_NEAR(at(4.5), 5.5 * 5e-4, 1e-15);
 }
 
-// Found in a session whose topics were written over: one such step, and physics refused every state of the hand after it.
+// Found in a session whose topics were written over: one such step, and physics refused every state of the hand after
+// it.
 TEST_F(HandImpulsesTest, AStepThatMakesNoSenseLeavesNothingInTheSums) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
   step(7, {1e-3, 0, 0}, {1e-3, 0, 0});
