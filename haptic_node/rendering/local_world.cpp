@@ -29,6 +29,9 @@ std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
   return rows;
 }
 
+/// The change of the force by an answer is eased in for a period at most, or as long as bodies need to come to rest.
+constexpr double kEasesFloors = 3.0, kLongestEase_s = 0.1;
+
 /// Spring and damper over a step of `h`.
 double lag_of(const LocalSpring& spring, double h) noexcept {
   return h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
@@ -86,6 +89,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   other_hands_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
+  ease_s_ = std::max(kEasesFloors * tuning_.blend_floor_s, std::min(answer.step_s, kLongestEase_s));
   correction_m_.reset();
   contacts_.remember(bodies_, proxy_);
 
@@ -316,25 +320,28 @@ void LocalWorld::foresee(const LocalSpring& spring, double h) noexcept {
       if (body.row() != YieldingBody::kNoRow) sum_n_s += rows_[body.row()].impulse_n_s;
     });
   }
-  foreseen_n_s_ = sum_n_s;
+  if (sum_n_s.allFinite()) foreseen_n_s_ = sum_n_s;
   contacts_ = contacts;
   count = 0;
   each_yielding([&](YieldingBody& body) { body = yielding[count++]; });
 }
 
 /// The force goes from what it would have been without the answer to what it is with it, no faster than a surface that
-/// rises at Tuning::recovery_m_s would change it.
+/// rises at Tuning::recovery_m_s would change it. What would take longer than ease_s_ comes at once.
 void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
-  const double step_n = tuning_.recovery_m_s * spring.stiffness_n_per_m * h;
-  const auto shorten = [&] {
+  const double slope_n_per_s = tuning_.recovery_m_s * spring.stiffness_n_per_m;
+  const auto shorten = [this](double by_n, double most_n) {
     const double size_n = eased_n_.norm();
-    eased_n_ = size_n <= step_n ? Vector3d(Vector3d::Zero()) : Vector3d((1.0 - step_n / size_n) * eased_n_);
+    eased_n_ =
+        size_n > by_n ? Vector3d(std::min(size_n - by_n, most_n) / size_n * eased_n_) : Vector3d(Vector3d::Zero());
   };
-  if (!eased_n_.isZero(0.0)) shorten();
+  const double most_n = slope_n_per_s * ease_s_;
+  if (!eased_n_.isZero(0.0)) shorten(slope_n_per_s * h, most_n);
   if (foreseen_n_s_) {
     eased_n_ += (*foreseen_n_s_ - impulse_n_s_) / h;
     foreseen_n_s_.reset();
-    shorten();
+    if (!eased_n_.allFinite()) eased_n_.setZero();
+    shorten(slope_n_per_s * h, most_n);
   }
   if (!eased_n_.isZero(0.0)) impulse_n_s_ += h * eased_n_;
 }

@@ -116,6 +116,7 @@ class LocalWorld {
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   std::optional<Eigen::Vector3d> foreseen_n_s_;        ///< By foresee(), for the next step.
   Eigen::Vector3d eased_n_ = Eigen::Vector3d::Zero();  ///< What the hand feels besides: answers change it slowly.
+  double ease_s_ = 0.0;                                ///< For so long at most.
   double work_j_ = 0.0;
   double lifted_j_ = 0.0;  ///< By corrections of where kinematic bodies are, less what corrections gave back.
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about Tuning::noise_s.
