@@ -28,19 +28,19 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
     placed_ = input.proxy.valid;
     return out;
   }
-  if (input.contacts != nullptr) {
-    world_.take(*input.contacts, input.sample_time_ns);
-    if (const auto moved_m = world_.correction_m()) out.correction_m = *moved_m / mapping_.config().position_scale;
-  }
-
   const double elapsed_s =
       input.sample_time_ns > sample_ns_ ? rtbus::seconds_between(sample_ns_, input.sample_time_ns) : input.dt_s;
   sample_ns_ = input.sample_time_ns;
   step_s_ = std::clamp(elapsed_s, 0.5 * input.dt_s, kLongestStep * input.dt_s);
   const double to_world = mapping_.config().gain_to_world();
-  world_.advance({tip_W, mapping_.velocity_to_world(input.velocity_m_s), stiffness_n_per_m_ * to_world,
-                  damping_n_s_per_m_ * to_world},
-                 input.sample_time_ns, step_s_);
+  const LocalSpring spring{tip_W, mapping_.velocity_to_world(input.velocity_m_s), stiffness_n_per_m_ * to_world,
+                           damping_n_s_per_m_ * to_world};
+  if (input.contacts != nullptr) {
+    world_.foresee(spring, step_s_);
+    world_.take(*input.contacts, input.sample_time_ns);
+    if (const auto moved_m = world_.correction_m()) out.correction_m = *moved_m / mapping_.config().position_scale;
+  }
+  world_.advance(spring, input.sample_time_ns, step_s_);
   if (!world_.position_m().allFinite()) {  // an answer that made no sense
     world_.felt(Vector3d::Zero());
     placed_ = false;

@@ -29,6 +29,14 @@ std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
   return rows;
 }
 
+/// The change of the force by an answer is eased in for a period at most, or as long as bodies need to come to rest.
+constexpr double kEasesFloors = 3.0, kLongestEase_s = 0.1;
+
+/// Spring and damper over a step of `h`.
+double lag_of(const LocalSpring& spring, double h) noexcept {
+  return h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
+}
+
 /// The supports of the farthest bodies may not have found a place. @returns the first row that lacks some.
 std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
   if (answer.supports_overflow == 0 || answer.supports == 0) return rtbus::kContactSlots;
@@ -41,6 +49,8 @@ std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
 void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   proxy_ = {proxy_m, Vector3d::Zero(), proxy_.radius_m};
   impulse_n_s_.setZero();
+  foreseen_n_s_.reset();
+  eased_n_.setZero();
   work_j_ = lifted_j_ = 0.0;
   for (LocalBody& body : bodies_) body.used = false;
   contacts_.reset();
@@ -79,6 +89,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   other_hands_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
+  ease_s_ = std::max(kEasesFloors * tuning_.blend_floor_s, std::min(answer.step_s, kLongestEase_s));
   correction_m_.reset();
   contacts_.remember(bodies_, proxy_);
 
@@ -244,26 +255,19 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   impulse_n_s_.setZero();
   work_j_ = 0.0;
   impulses_.begin(sample_ns - static_cast<std::uint64_t>(h * 1e9), sample_ns);
-  const double lag = h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
-  if (lag <= 0.0) {  // nothing holds the proxy to the hand: it is the hand
+  if (lag_of(spring, h) <= 0.0) {  // nothing holds the proxy to the hand: it is the hand
     proxy_.position_m = spring.goal_m;
     proxy_.velocity_m_s = spring.goal_velocity_m_s;
+    foreseen_n_s_.reset();
+    eased_n_.setZero();
     return;
   }
   contacts_.blend(bodies_, h);
   brake(h);
-  SolverBody& proxy = solver_bodies_[0];
-  proxy.velocity_m_s = (spring.stiffness_n_per_m * (spring.goal_m - proxy_.position_m) +
-                        spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
-                       lag;
-  proxy.inverse_mass_per_kg = 1.0 / (h * lag);
-
-  if (const std::size_t rows = gather(h); rows > 0) {
-    const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows),
-                                  tuning_.fewest_sweeps(), tuning_.most_sweeps());
-    solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
-    give_impulses();
-  }
+  pull_proxy(spring, h);
+  if (solve(h) > 0) give_impulses();
+  ease(spring, h);
+  const SolverBody& proxy = solver_bodies_[0];
   const Vector3d& solved_m_s = proxy.velocity_m_s;
   proxy_.velocity_m_s = shapes_.any_named()
                             ? Vector3d(shapes_.free_way_m(proxy_.position_m, proxy_.radius_m, h * solved_m_s,
@@ -273,6 +277,73 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   proxy_.position_m += h * proxy_.velocity_m_s;
   contacts_.advance(h);
   move_bodies(h);
+}
+
+void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
+  const double lag = lag_of(spring, h);
+  SolverBody& proxy = solver_bodies_[0];
+  proxy.velocity_m_s = (spring.stiffness_n_per_m * (spring.goal_m - proxy_.position_m) +
+                        spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
+                       lag;
+  proxy.inverse_mass_per_kg = 1.0 / (h * lag);
+}
+
+/// @returns rows.
+std::size_t LocalWorld::solve(double h) noexcept {
+  const std::size_t rows = gather(h);
+  if (rows == 0) return 0;
+  const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows), tuning_.fewest_sweeps(),
+                                tuning_.most_sweeps());
+  solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
+  return rows;
+}
+
+void LocalWorld::foresee(const LocalSpring& spring, double h) noexcept {
+  foreseen_n_s_.reset();
+  if (lag_of(spring, h) <= 0.0) return;
+  const ProxyContactSet contacts = contacts_;
+  std::array<YieldingBody, SpringHistory::kPlaces> yielding;
+  std::size_t count = 0;
+  const auto each_yielding = [this](auto&& act) {
+    if (!any_yields_) return;
+    for (LocalBody& body : bodies_) {
+      if (auto* const yields = body.as<YieldingBody>(); yields != nullptr && body.used) act(*yields);
+    }
+  };
+  each_yielding([&](const YieldingBody& body) { yielding[count++] = body; });
+  contacts_.blend(bodies_, h);
+  pull_proxy(spring, h);
+  Vector3d sum_n_s = Vector3d::Zero();
+  if (solve(h) > 0) {
+    for (std::size_t i = 0; i < solved_contacts_; ++i) sum_n_s += rows_[i].impulse_n_s;
+    each_yielding([&](const YieldingBody& body) {
+      if (body.row() != YieldingBody::kNoRow) sum_n_s += rows_[body.row()].impulse_n_s;
+    });
+  }
+  if (sum_n_s.allFinite()) foreseen_n_s_ = sum_n_s;
+  contacts_ = contacts;
+  count = 0;
+  each_yielding([&](YieldingBody& body) { body = yielding[count++]; });
+}
+
+/// The force goes from what it would have been without the answer to what it is with it, no faster than a surface that
+/// rises at Tuning::recovery_m_s would change it. What would take longer than ease_s_ comes at once.
+void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
+  const double slope_n_per_s = tuning_.recovery_m_s * spring.stiffness_n_per_m;
+  const auto shorten = [this](double by_n, double most_n) {
+    const double size_n = eased_n_.norm();
+    eased_n_ =
+        size_n > by_n ? Vector3d(std::min(size_n - by_n, most_n) / size_n * eased_n_) : Vector3d(Vector3d::Zero());
+  };
+  const double most_n = slope_n_per_s * ease_s_;
+  if (!eased_n_.isZero(0.0)) shorten(slope_n_per_s * h, most_n);
+  if (foreseen_n_s_) {
+    eased_n_ += (*foreseen_n_s_ - impulse_n_s_) / h;
+    foreseen_n_s_.reset();
+    if (!eased_n_.allFinite()) eased_n_.setZero();
+    shorten(slope_n_per_s * h, most_n);
+  }
+  if (!eased_n_.isZero(0.0)) impulse_n_s_ += h * eased_n_;
 }
 
 /// Without answers everything comes to rest, and so does what the last answer does not name: a body that moves whatever
@@ -305,6 +376,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   }
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
     const auto& contact = contacts_.of_row(i);
+    if (contact.fades) continue;  // what is left of it gives way to nothing
     const LocalBody& body = bodies_[contact.body];
     if (const auto* const free = body.as<FreeBody>()) free->fill_row(contact.late_m_s, rows_[i]);
     if (const auto* const pile = body.as<PileBody>()) pile->fill_row(hand_m_s_, h, rows_[i]);
@@ -333,7 +405,7 @@ void LocalWorld::give_impulses() noexcept {
     give(contact.body, contact.impulse_n_s, contact.from_centre_m);
     const LocalBody& body = bodies_[contact.body];
     if (body.as<DrivenBody>() == nullptr) continue;
-    work_j_ += contact.impulse_n_s.dot(body.motion.velocity_at(contact.from_centre_m));
+    work_j_ += contact.impulse_n_s.dot(ProxyContactSet::carried_m_s(contact, body.motion));
     // Where it comes to its place nobody works: a hand that it lifts gets what it has, and nothing besides. What was
     // taken to be higher than it is gives back what it was counted to have done.
     lifted_j_ += contact.impulse_n_s.dot(contact.normal) * (contact.blend_m_s + contact.normal.dot(contact.late_m_s));

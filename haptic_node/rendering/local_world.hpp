@@ -63,6 +63,10 @@ class LocalWorld {
   /// What the other hands have done by now. Before take() and advance() of the tick.
   void hear(std::span<const OtherHand> hands, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
 
+  /// What the proxy would bear in the step of `h` that comes, without the answer that is about to be taken: advance()
+  /// changes the force by no more than Tuning::recovery_m_s allows a surface to change it.
+  void foresee(const LocalSpring& spring, double h) noexcept RTBUS_NONBLOCKING;
+
   /// An answer has come.
   void take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
 
@@ -71,7 +75,7 @@ class LocalWorld {
 
   [[nodiscard]] const Eigen::Vector3d& position_m() const noexcept { return proxy_.position_m; }
   [[nodiscard]] const Eigen::Vector3d& velocity_m_s() const noexcept { return proxy_.velocity_m_s; }
-  /// Of all contacts on the proxy in the last step.
+  /// Of all contacts on the proxy in the last step, and what an answer's change of it still lacks.
   [[nodiscard]] const Eigen::Vector3d& impulse_n_s() const noexcept { return impulse_n_s_; }
   /// What kinematic bodies, which move whatever pushes, put into the proxy in the last step, and other hands into free
   /// bodies [J]; negative: took.
@@ -97,7 +101,10 @@ class LocalWorld {
   [[nodiscard]] Eigen::Quaterniond take_body(const ToldBody& told, std::size_t slot, int parts,
                                              std::uint64_t now_ns) noexcept;
   void take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept;
+  void pull_proxy(const LocalSpring& spring, double h) noexcept;
   void brake(double h) noexcept;
+  [[nodiscard]] std::size_t solve(double h) noexcept;
+  void ease(const LocalSpring& spring, double h) noexcept;
   std::size_t gather(double h) noexcept;
   void give_impulses() noexcept;
   void give(std::size_t slot, const Eigen::Vector3d& impulse_n_s, const Eigen::Vector3d& from_centre_m) noexcept;
@@ -107,6 +114,9 @@ class LocalWorld {
   StaticShapes shapes_;
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> foreseen_n_s_;        ///< By foresee(), for the next step.
+  Eigen::Vector3d eased_n_ = Eigen::Vector3d::Zero();  ///< What the hand feels besides: answers change it slowly.
+  double ease_s_ = 0.0;                                ///< For so long at most.
   double work_j_ = 0.0;
   double lifted_j_ = 0.0;  ///< By corrections of where kinematic bodies are, less what corrections gave back.
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about Tuning::noise_s.

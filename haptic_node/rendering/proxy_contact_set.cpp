@@ -34,13 +34,19 @@ void ProxyContactSet::drop(std::size_t body) noexcept {
 
 void ProxyContactSet::turn(std::size_t body, const Quaterniond& turned) noexcept {
   for (std::size_t i = 0; i < count_; ++i) {
-    if (contacts_[i].body != body) continue;
+    if (contacts_[i].body != body || contacts_[i].fades) continue;
     contacts_[i].from_centre_m = turned * contacts_[i].from_centre_m;
     contacts_[i].normal = turned * contacts_[i].normal;
   }
 }
 
+Vector3d ProxyContactSet::carried_m_s(const Contact& contact, const BodyMotion& motion) noexcept {
+  if (!contact.fades) return motion.velocity_at(contact.from_centre_m);
+  return std::min(0.0, contact.normal.dot(motion.velocity_m_s)) * contact.normal;
+}
+
 double ProxyContactSet::gap_of(const Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept {
+  if (contact.fades) return contact.normal.dot(proxy.position_m - contact.faded_m) - proxy.radius_m;
   const Vector3d point = bodies[contact.body].motion.centre_m + contact.from_centre_m;
   if (contact.radius_m <= 0.0) return contact.normal.dot(proxy.position_m - point) - proxy.radius_m;
   return (proxy.position_m - point + contact.radius_m * contact.normal).norm() - contact.radius_m - proxy.radius_m;
@@ -138,7 +144,7 @@ bool ProxyContactSet::names(const TakenAnswer& taken, std::size_t row, const Vec
 /// @returns whether the proxy's centre is inside of the body of that contact, and the way out leads into another body.
 bool ProxyContactSet::blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m,
                               const LocalProxy& proxy) const noexcept {
-  if (gap_m > -std::max(proxy.radius_m, tuning_.deep_m())) return false;
+  if (gap_m > -behind_m(proxy)) return false;
   const Vector3d normal = vector_of(answer.contact_normal[contact]);
   for (std::size_t i = 0; i < contacts_of(answer); ++i) {
     if (answer.contact_body[i] == answer.contact_body[contact]) continue;
@@ -190,7 +196,7 @@ void ProxyContactSet::remember(Bodies bodies, const LocalProxy& proxy) noexcept 
   for (std::size_t i = 0; i < count_; ++i) {
     Contact& contact = contacts_[i];
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
-    contact.late_m_s += bodies[contact.body].motion.velocity_at(contact.from_centre_m);
+    contact.late_m_s += carried_m_s(contact, bodies[contact.body].motion);
   }
 }
 
@@ -222,7 +228,12 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
       continue;
     }
-    if (best == old_count && blocked(answer, i, gap_m, proxy)) {
+    const bool felt = best < old_count && old_[best].felt();
+    // What physics has before the proxy, and what has come to be behind it unfelt, has gone past it: the plane goes on
+    // where its body has ended.
+    const bool past = !felt && bodies[contact.body].as<FixedBody>() == nullptr && gap_m < -behind_m(proxy) &&
+                      answer.contact_gap_m[i] > -behind_m(proxy);
+    if (past || (best == old_count && blocked(answer, i, gap_m, proxy))) {
       --count_;
       continue;
     }
@@ -253,9 +264,11 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
       correction_m = correction_m.value_or(0.0);
       continue;
     }
-    contact.offset_m += old_[j].gap_m - (gap_of(contact, bodies, proxy) + contact.offset_m);  // its body may have moved
     contact.late_m_s.setZero();
     contact.fades = true;
+    contact.faded_m = proxy.position_m - (proxy.radius_m + old_[j].gap_m) * contact.normal;  // where it was felt
+    contact.offset_m = 0.0;
+    contact.radius_m = 0.0;
   }
   return correction_m;
 }
@@ -269,6 +282,7 @@ void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
       // It recedes until it is felt no more.
       if (!contact.felt()) continue;
       contact.offset_m += tuning_.recovery_m_s * h;
+      contact.faded_m += h * carried_m_s(contact, bodies[contact.body].motion);
     } else if (contact.offset_m != 0.0 || !contact.late_m_s.isZero(0.0)) {
       const double share = bodies[contact.body].blend.share(h);
       const double rise_m = std::min(share * contact.offset_m, tuning_.recovery_m_s * h);
@@ -292,10 +306,11 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact, bodies, proxy);
     if (contact.standing >= 0 && !contact.fades) follow_hull(contact, bodies, proxy, shapes);
-    const Vector3d surface = bodies[contact.body].motion.velocity_at(contact.from_centre_m) + contact.late_m_s;
+    const Vector3d surface = carried_m_s(contact, bodies[contact.body].motion) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;
-    if (count == kSolved || contact.gap_m > way_m + tuning_.reach_m) {
+    const bool past = !contact.felt() && contact.gap_m < -behind_m(proxy) - std::abs(way_m);
+    if (count == kSolved || past || contact.gap_m > way_m + tuning_.reach_m) {
       contact.impulse_n_s.setZero();
       continue;
     }

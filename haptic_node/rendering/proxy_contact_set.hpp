@@ -2,6 +2,7 @@
 /// @file proxy_contact_set.hpp
 /// The contacts of the proxy with rigid bodies, between two answers of physics. Frame W, SI units. Fixed size, no
 /// allocation.
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -55,7 +56,8 @@ class ProxyContactSet {
     double blend_m_s = 0.0;                                 ///< … and how fast the surface rises by that.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
     Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity: likewise.
-    bool fades = false;                                     ///< Physics does not know it any more.
+    bool fades = false;                                     ///< Physics does not know it any more …
+    Eigen::Vector3d faded_m = Eigen::Vector3d::Zero();      ///< … it is a plane here, which only recedes.
     std::uint64_t named_ns = 0;                             ///< When physics named it last.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
 
@@ -86,6 +88,9 @@ class ProxyContactSet {
   /// most kSolved; touched bodies are marked.
   std::size_t gather(Bodies bodies, const LocalProxy& proxy, const Eigen::Vector3d& free_m_s, double h,
                      StaticShapes& shapes, SolverContact* rows, std::span<bool> touched) noexcept RTBUS_NONBLOCKING;
+  /// How fast the surface goes by the motion of its body. What fades goes away with it, and no way else.
+  [[nodiscard]] static Eigen::Vector3d carried_m_s(const Contact& contact,
+                                                   const BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
   /// The contact of a row.
   [[nodiscard]] Contact& of_row(std::size_t row) noexcept { return contacts_[row_source_[row]]; }
   /// At the end of a step.
@@ -100,6 +105,10 @@ class ProxyContactSet {
   [[nodiscard]] static bool name_surface(const TakenAnswer& taken, std::size_t row, double friction,
                                          const LocalProxy& proxy, StaticShapes& shapes) noexcept;
   [[nodiscard]] bool names(const TakenAnswer& taken, std::size_t row, const Eigen::Vector3d& normal) const noexcept;
+  /// A plane that the proxy's centre is so far behind leads through its body.
+  [[nodiscard]] double behind_m(const LocalProxy& proxy) const noexcept {
+    return std::max(proxy.radius_m, tuning_.deep_m());
+  }
   [[nodiscard]] bool blocked(const rtbus::ProxyContacts& answer, std::size_t contact, double gap_m,
                              const LocalProxy& proxy) const noexcept;
   bool keep_way_out(const TakenAnswer& taken, std::size_t row, std::size_t old_count, std::span<bool> matched,
