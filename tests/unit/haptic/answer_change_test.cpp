@@ -8,7 +8,7 @@
 #include "rtbus/clock.hpp"
 #include "tests/unit/haptic/held_world.hpp"
 
-namespace {
+namespace answer_change_test {
 
 using Eigen::Vector3d;
 using haptic::LocalSpring;
@@ -150,4 +150,4 @@ TEST_F(AnswerChange, WhatFadesOnlyRecedes) {
   EXPECT_NEAR(before_n, 0.0, 1e-9);
 }
 
-}  // namespace
+}  // namespace answer_change_test

@@ -9,7 +9,7 @@
 #include "haptic_node/rendering/local_world.hpp"
 #include "rtbus/clock.hpp"
 
-namespace {
+namespace other_hands_test {
 
 using haptic::Impulse;
 using haptic::LocalWorld;
@@ -190,4 +190,4 @@ TEST(OtherHandsInTheLocalWorld, ABodyIsReplayedWithThem) {
   EXPECT_NEAR(ticks, 25, 3);
 }
 
-}  // namespace
+}  // namespace other_hands_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace {
+namespace velocity_test {
 
 using haptic::VelocityEstimator;
 constexpr std::uint64_t kTick_ns = 1'000'000;
@@ -100,4 +100,4 @@ TEST(AdaptiveWindow, IsExactAtConstantSpeedWithAnExactEncoder) {
   EXPECT_EQ(estimator.velocity_m_s().y(), 0.0);
 }
 
-}  // namespace
+}  // namespace velocity_test
