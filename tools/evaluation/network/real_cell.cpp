@@ -213,7 +213,7 @@ const RealCell& real_cell(const std::string& name) {
 }
 
 StabilityCase case_of(const RealCell& cell) {
-  const NetworkMethod method{cell.method, cell.method, true, true};
+  const NetworkMethod method{.name = cell.method, .method = cell.method, .bounds = true, .damps = true, .lags = true};
   StabilityCase out = network_cell(method, cell.task, cell.network);
   out.seed = 1;
   out.begins_s = kFinding_s + kFindingTrips * out.longest_round_trip_s();

@@ -73,7 +73,7 @@ struct StabilityResult {
 
 /// What of a tick is kept for a plot.
 struct StabilityTick {
-  double time_s, height_m, force_n, proxy_m, observed_j, method_n, given_j;
+  double time_s = 0.0, height_m = 0.0, force_n = 0.0, proxy_m = 0.0, observed_j = 0.0, method_n = 0.0, given_j = 0.0;
   /// Along the axis in which the hand of `each` pushes.
   [[nodiscard]] static StabilityTick of(const rtbus::Telemetry& telemetry, const StabilityCase& each,
                                         double time_s) noexcept;
