@@ -132,7 +132,7 @@ void Loop::take_answers(std::uint64_t now_ns) noexcept {
   if (link_alive_ && !was_alive) {
     // The first answer after a loss is one to a sample from before it.
     begin_anew_ = monitor_.losses() > 0;
-    if (begin_anew_) proxy_.valid = false;  // not in this cycle either
+    if (begin_anew_) proxy_.valid = proxy_.fresh = false;  // not in this cycle either
     note(LoopEvent::kLinkAlive);
   } else if (!link_alive_ && was_alive) {
     note(monitor_.lags() ? LoopEvent::kLinkLags : LoopEvent::kLinkLost);
@@ -159,6 +159,7 @@ std::uint64_t Loop::behind_hand(std::uint64_t answered_ns) const noexcept {
 void Loop::forget_proxy() noexcept {
   proxy_.valid = false;
   world_work_.begin_anew();
+  safety_.world_begins_anew();
   method_->reset();
 }
 

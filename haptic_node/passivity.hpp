@@ -48,6 +48,9 @@ class Passivity {
   /// Energy that the world has put into the coupling at the proxy; negative: taken out.
   void give(double energy_j) noexcept RTBUS_NONBLOCKING;
 
+  /// Physics counts from zero again: what the world owed by the count before is void, which may have been damage.
+  void forget_claim() noexcept RTBUS_NONBLOCKING { claim_j_ = 0.0; }
+
   /// The spring holds `energy_j` that nobody has been seen to supply, and it is allowed: E is at least that.
   void grant(double energy_j) noexcept RTBUS_NONBLOCKING;
 

@@ -105,6 +105,9 @@ class SafetyLadder {
     held_.revoke();
   }
 
+  /// Physics puts the proxy onto the hand and counts its work from zero. @realtime Yes.
+  void world_begins_anew() noexcept RTBUS_NONBLOCKING { passivity_.forget_claim(); }
+
   /// The coupling has another stiffness now [N/m]. @realtime Yes.
   void set_stiffness(double stiffness_n_per_m) noexcept RTBUS_NONBLOCKING {
     config_.stiffness_n_per_m = stiffness_n_per_m;

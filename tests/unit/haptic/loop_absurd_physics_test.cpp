@@ -159,6 +159,34 @@ TEST_P(AbsurdPhysics, MakesNoHoleOfOneCycle) {
   EXPECT_EQ(loop_.stats().losses, 2u);
 }
 
+// Found by writing random bytes into the topics: a wall stayed soft for a hand that rests in it.
+TEST_P(AbsurdPhysics, OwesNothingAfterALoss) {
+  link_.position_m = {0.0, 0.004, 0.0};
+  link_.hand_force_n = {0.0, 0.8, 0.0};
+  link_.coupling_work_j = 1.7e-3;  // the world has pushed the proxy 4 mm out of the wall
+  run(2000);
+  const double sensible_n = device_.taken_n[1];
+  ASSERT_GT(sensible_n, 0.7);
+  for (const double damaged_j : {0.9, 0.1}) {  // a world could mean each, alone
+    link_.coupling_work_j = damaged_j;
+    run(1);
+  }
+  link_.epoch_bits = 0xff;  // and this is damage for sure: physics counts as lost
+  run(100);
+  link_.epoch_bits = 0;
+  link_.position_m = {0.0, 1e-5, 0.0};  // the hand is out of the wall for a moment, then as before
+  link_.coupling_work_j = 0.0;
+  run(200);
+  link_.silent = true;
+  run(200);
+  link_.silent = false;
+  link_.position_m = {0.0, 0.004, 0.0};
+  link_.coupling_work_j = 1.7e-3;
+  run(2000);
+  EXPECT_NEAR(device_.taken_n[1], sensible_n, 1e-3 * sensible_n);
+  EXPECT_EQ(loop_.stats().losses, 2u);
+}
+
 TEST_P(AbsurdPhysics, IsNotFeltWhileItAnswersAHandOfTwoSecondsAgo) {
   talk_sense();
   run(3000);
