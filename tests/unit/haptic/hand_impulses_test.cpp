@@ -68,9 +68,9 @@ TEST_F(HandImpulsesTest, TheReplayReadsWhatIsTold) {
 // Found in a session whose topics were written over: one such step, and physics refused every state of the hand after
 // it.
 TEST_F(HandImpulsesTest, AStepThatMakesNoSenseLeavesNothingInTheSums) {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInfinity = std::numeric_limits<double>::infinity();
   step(7, {1e-3, 0, 0}, {1e-3, 0, 0});
-  for (const double wrong : {kNan, kInf, 1e14}) {
+  for (const double wrong : {kNan, kInfinity, 1e14}) {
     step(7, {wrong, 0, 0}, Vector3d::Zero());
     step(7, {1e-3, 0, 0}, Vector3d::Zero(), {0, wrong, 0});
   }
