@@ -166,6 +166,9 @@ std::uint64_t Stepper::received_until_ns(const Link& link) noexcept {
 
 void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {
   world_->contacts(proxy, radius_m > 0.0 ? radius_m : contact_radius_m(proxy), contacts_);
+  for (BodyBehind& body : contacts_.bodies) {
+    if (body.kind != BodyKind::kSoft) body.orientation = world_->body_pose(body.body).orientation;
+  }
   fill_message(contacts_, answer(proxy), out);
   out.device_time_ns = received_until_ns(links_[proxy]);
   out.hands = static_cast<std::uint32_t>(std::min(links_.size(), rtbus::kHandSlots));

@@ -11,6 +11,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/impulse_history.hpp"
+#include "haptic_node/rendering/known_boxes.hpp"
 #include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/clock.hpp"
@@ -74,6 +75,7 @@ struct SinceAnswer {
   OtherHands::Since others;          ///< What other hands gave it.
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
   const Tuning& tuning;
+  const KnownBoxes& boxes;
   double besides_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
   bool networked = false;  ///< The answer has come over a network, and is old.
 

@@ -164,7 +164,10 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigi
   for (std::size_t row = 0; row < rigid_rows; ++row) {
     if (answer.body_kind[row] == 0) continue;
     const bool sleeps = count[row] == 0 && row < complete && answer.body_friction_bound_n[row] > 0.0;
-    rows += 1 + (loosest[row] > 0.0 ? 0 : sleeps ? 1 : static_cast<int>(count[row]));
+    const bool corners = boxes_->box_of(answer.body_index[row]) != nullptr;
+    rows += 1 + (loosest[row] > 0.0 ? 0
+                 : sleeps           ? 1
+                                    : static_cast<int>(corners ? FreeBody::kCorners * count[row] : count[row]));
   }
   int parts = 1;
   if (answer.device_time_ns < now_ns) {
@@ -200,6 +203,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
                           {other_hands_, answer, body.index},
                           rows_.data(),
                           tuning_,
+                          *boxes_,
                           world_before_s_,
                           networked_};
   const Impulse then = since.given_at(since.from_ns);
@@ -383,7 +387,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   }
   for (LocalBody& body : bodies_) {
     auto* const free = body.as<FreeBody>();
-    if (free != nullptr && body.used) rows += free->add_rows(supports_, h, rows_.data(), rows);
+    if (free != nullptr && body.used) rows += free->add_rows(body.motion, supports_, h, rows_.data(), rows);
   }
   if (!any_yields_) return rows;
   for (LocalBody& body : bodies_) {

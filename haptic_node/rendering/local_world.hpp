@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
@@ -15,6 +16,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/hand_impulses.hpp"
+#include "haptic_node/rendering/known_boxes.hpp"
 #include "haptic_node/rendering/local_body.hpp"
 #include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
@@ -53,9 +55,14 @@ class LocalWorld {
   /// @param standing Static bodies whose shape is known: their contacts follow it in each step, whatever plane an
   /// answer told. They stay as long as this object.
   /// @param other_hands Hands besides this one that may push the same bodies.
+  /// @param boxes Bodies that forces move, whose supports are found in each step.
   explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {}, std::size_t other_hands = 0,
-                      const Tuning& tuning = {})
-      : tuning_(tuning), shapes_(std::move(standing), tuning), contacts_(tuning), other_hands_(other_hands) {}
+                      const Tuning& tuning = {}, KnownBoxes boxes = {})
+      : tuning_(tuning),
+        shapes_(std::move(standing), tuning),
+        boxes_(std::make_shared<const KnownBoxes>(std::move(boxes))),
+        contacts_(tuning),
+        other_hands_(other_hands) {}
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
@@ -112,6 +119,7 @@ class LocalWorld {
 
   Tuning tuning_;
   StaticShapes shapes_;
+  std::shared_ptr<const KnownBoxes> boxes_;  ///< Bodies point into it, those of a copy too.
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   std::optional<Eigen::Vector3d> foreseen_n_s_;        ///< By foresee(), for the next step.
