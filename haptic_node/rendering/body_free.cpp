@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "haptic_node/rendering/static_shapes.hpp"
+
 namespace haptic {
 namespace {
 
@@ -56,7 +58,11 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
   ball_ = is_ball(told);
   supported_ = rocks_ = false;
-  box_ = nullptr;
+  lies_ = false;
+  const rtbus::Quat& q = answer.body_orientation_wxyz[told.row];
+  q_WB_ = Quaterniond(q[0], q[1], q[2], q[3]);
+  box_ = std::abs(q_WB_.norm() - 1.0) <= kUnit ? since.boxes.box_of(answer.body_index[told.row]) : nullptr;
+  q_WB_.normalize();
   // A hand that pushes otherwise than at the answered instant moves it against its supports for the whole age of the
   // answer: behind a network, by no more than in kGivesWay_s.
   const double gives_way = since.networked ? kGivesWay_s / std::max(since.seconds(), kGivesWay_s) : 1.0;
@@ -72,7 +78,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      if (!lie_on_faces(told, since.boxes, motion, supports)) stand_on(since.tuning, supports, motion);
+      if (!lie_on_faces(since.boxes, motion, supports)) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -120,22 +126,16 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
 
 /// A box whose supports are all on faces that are known lies there with its corners. It tips, turns and slides off as
 /// they push.
-bool FreeBody::lie_on_faces(const ToldBody& told, const KnownBoxes& boxes, const BodyMotion& motion,
-                            SupportPool& supports) noexcept {
-  const rtbus::shapes::Box* const box = boxes.box_of(told.answer.body_index[told.row]);
-  const rtbus::Quat& q = told.answer.body_orientation_wxyz[told.row];
-  const Quaterniond q_WB(q[0], q[1], q[2], q[3]);
+bool FreeBody::lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, SupportPool& supports) noexcept {
   const std::size_t more = (kCorners - 1) * support_count_;
-  if (box == nullptr || std::abs(q_WB.norm() - 1.0) > kUnit || support_count_ > kFaces || supports.spare < more) {
-    return false;
-  }
+  if (box_ == nullptr || support_count_ > kFaces || supports.spare < more) return false;
   std::array<Support, kFaces> held;
   for (std::size_t i = 0; i < support_count_; ++i) {
     held[i] = supports.rows[first_support_ + i];
     const auto* const holder = boxes.holder_at(motion.centre_m + held[i].from_centre_m, held[i].normal);
     rtbus::shapes::FacePoints corners;
     if (holder == nullptr ||
-        !rtbus::shapes::face_points(*box, q_WB, motion.centre_m, *holder, held[i].normal, corners) ||
+        !rtbus::shapes::face_points(*box_, q_WB_, motion.centre_m, *holder, held[i].normal, corners) ||
         corners.count == 0) {
       return false;
     }
@@ -143,8 +143,7 @@ bool FreeBody::lie_on_faces(const ToldBody& told, const KnownBoxes& boxes, const
         *std::min_element(corners.gap_m.begin(), corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count));
     faces_[i] = {holder, held[i].normal, nearest_m};
   }
-  box_ = box;
-  q_WB_ = q_WB.normalized();
+  lies_ = true;
   face_count_ = support_count_;
   supports.spare -= more;
   supports.count = first_support_;
@@ -222,7 +221,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   SolverContact* const rows = since.scratch;
   std::size_t count = 0;
   if (inverse_mass_per_kg_ > 0.0) {
-    if (box_ != nullptr) find_corners(motion.centre_m, q_WB_, supports);
+    if (lies_) find_corners(motion.centre_m, q_WB_, supports);
     for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
       SolverContact& row = rows[count++];
       row = row_of(supports.rows[i], h);
@@ -233,14 +232,14 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   }
   SolverBody body = solver_body(motion);
   const Matrix3d inverse_inertia = body.inverse_inertia_per_kg_m2;
-  if (box_ == nullptr) prepare_contacts(&body, rows, count);
+  if (!lies_) prepare_contacts(&body, rows, count);
   Quaterniond turned = Quaterniond::Identity();
   for (int part = 1; part <= since.parts; ++part) {
     const std::uint64_t until_ns =
         from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
     Impulse after = since.given_at(until_ns);
     after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
-    if (box_ != nullptr) {
+    if (lies_) {
       const Matrix3d R = turned.toRotationMatrix();
       body.inverse_inertia_per_kg_m2 = R * inverse_inertia * R.transpose();
       if (part > 1) find_corners(motion.centre_m, turned * q_WB_, supports);
@@ -272,7 +271,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   const Matrix3d R = turned.toRotationMatrix();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
   if (box_ != nullptr) q_WB_ = (turned * q_WB_).normalized();
-  if (ball_ || box_ != nullptr) return turned;  // it rolls over what holds it: the support stays below the centre
+  if (ball_ || lies_) return turned;  // it rolls over what holds it: the support stays below the centre
   for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
     supports.rows[i].from_centre_m = turned * supports.rows[i].from_centre_m;
   }
@@ -321,7 +320,7 @@ void FreeBody::fill_row(const Vector3d& late_m_s, SolverContact& row) const noex
 std::size_t FreeBody::add_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
                                std::size_t first) noexcept {
   first_row_ = first;
-  if (box_ != nullptr && self_ >= 0) find_corners(motion.centre_m, q_WB_, supports);
+  if (lies_ && self_ >= 0) find_corners(motion.centre_m, q_WB_, supports);
   for (std::size_t i = 0; i < support_count_; ++i) {
     Support& support = supports.rows[first_support_ + i];
     if (self_ < 0) {
@@ -356,6 +355,17 @@ void FreeBody::correct(const Impulse& more, BodyMotion& motion) const noexcept {
   if (self_ < 0) return;
   motion.velocity_m_s += inverse_mass_per_kg_ * more.linear_n_s;
   motion.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * more.angular_n_m_s;
+}
+
+bool FreeBody::nearest_of_box(const Vector3d& centre_m, const Vector3d& proxy_m, Vector3d& from_centre_m,
+                              Vector3d& normal) const noexcept {
+  if (box_ == nullptr) return false;
+  const rtbus::shapes::SurfacePoint nearest =
+      rtbus::shapes::nearest_surface(rtbus::shapes::PlacedShape{*box_, q_WB_, centre_m}, proxy_m);
+  if (nearest.distance_m <= StaticShapes::kSurface_m) return false;
+  from_centre_m = nearest.point_m - centre_m;
+  normal = nearest.normal;
+  return true;
 }
 
 void FreeBody::brake() noexcept {

@@ -31,7 +31,7 @@ class FreeBody {
   /// An answer does not name the body: it stands on nothing that is known.
   void leave_supports() noexcept {
     support_count_ = 0;
-    box_ = nullptr;
+    lies_ = false;
   }
 
   /// Takes part in a step as body number `self`, if it moves or is touched. @returns whether it does.
@@ -54,14 +54,19 @@ class FreeBody {
   /// Answers are late: what stands on nothing loses its forces.
   void brake() noexcept RTBUS_NONBLOCKING;
 
+  /// The point of a box that is nearest to the proxy, from the centre, and the direction from there to the proxy.
+  /// @returns false inside of it, on it, and where it is no box.
+  [[nodiscard]] bool nearest_of_box(const Eigen::Vector3d& centre_m, const Eigen::Vector3d& proxy_m,
+                                    Eigen::Vector3d& from_centre_m,
+                                    Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING;
+
   /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
 
  private:
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
-  [[nodiscard]] bool lie_on_faces(const ToldBody& told, const KnownBoxes& boxes, const BodyMotion& motion,
-                                  SupportPool& supports) noexcept;
+  [[nodiscard]] bool lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, SupportPool& supports) noexcept;
   /// The corners of all faces, where the body is now.
   void find_corners(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
                     SupportPool& supports) const noexcept;
@@ -88,7 +93,8 @@ class FreeBody {
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();     ///< All but supports and the proxy.
   Eigen::Vector3d torque_n_m_ = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
   double friction_bound_n_ = 0.0;
-  const rtbus::shapes::Box* box_ = nullptr;  ///< Lies on faces_, corner by corner; nullptr: on supports as told.
+  const rtbus::shapes::Box* box_ = nullptr;  ///< Its shape; nullptr: not known.
+  bool lies_ = false;                        ///< On faces_, corner by corner; otherwise on supports as told.
   Eigen::Quaterniond q_WB_ = Eigen::Quaterniond::Identity();  ///< Of box_.
   std::array<HeldFace, kFaces> faces_{};
   std::size_t face_count_ = 0;

@@ -69,6 +69,14 @@ void ProxyContactSet::follow_hull(Contact& contact, Bodies bodies, const LocalPr
   contact.from_centre_m = point_m - bodies[contact.body].motion.centre_m;
 }
 
+/// Likewise of a box that forces move.
+void ProxyContactSet::follow_box(Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept {
+  const auto* const free = bodies[contact.body].as<FreeBody>();
+  if (free == nullptr) return;
+  (void)free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m,
+                             contact.normal);
+}
+
 /// The contacts of one surface, anew: where its distance to the proxy has a minimum.
 void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const LocalProxy& proxy, double h,
                                      const StaticShapes& shapes) noexcept {
@@ -223,6 +231,7 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
     contact.standing = shapes.index_of(answer.body_index[row]);
     if (contact.standing >= 0) follow_hull(contact, bodies, proxy, shapes);
+    follow_box(contact, bodies, proxy);
     const double gap_m = gap_of(contact, bodies, proxy);
     const std::size_t best = match(contact, old_count, matched);
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
@@ -306,6 +315,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact, bodies, proxy);
     if (contact.standing >= 0 && !contact.fades) follow_hull(contact, bodies, proxy, shapes);
+    if (!contact.fades) follow_box(contact, bodies, proxy);
     const Vector3d surface = carried_m_s(contact, bodies[contact.body].motion) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;
