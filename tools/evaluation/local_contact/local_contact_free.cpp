@@ -1,7 +1,6 @@
 /// Claim j of `rtbus evaluate local-contact`: free bodies that turn, tip, roll, slide off a table and stand on each
 /// other.
 #include <algorithm>
-
 #include <cmath>
 #include <numbers>
 
