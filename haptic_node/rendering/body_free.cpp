@@ -27,6 +27,8 @@ constexpr double kUnit = 1e-3;
 constexpr double kFar_m = 1.0;
 /// A corner that has sunk in comes out by this part of its depth in a step, at most at this speed.
 constexpr double kOut = 0.2, kOut_m_s = 0.05;
+/// No push turns a body farther from the instant of an answer to now.
+constexpr double kBlocked_rad = 0.5;
 /// As old as an answer is without a network.
 constexpr double kGivesWay_s = 10e-3;
 
@@ -86,6 +88,9 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
       support = Support{};
       support.friction = 1.0;
       support_count_ = 1;
+      inverse_inertia_per_kg_m2_.setZero();
+    } else if (box_ != nullptr) {
+      // In a pile what holds it may bear nothing for an instant: no push turns it.
       inverse_inertia_per_kg_m2_.setZero();
     }
   }
@@ -265,7 +270,14 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     before = after;
   }
   motion.velocity_m_s = body.velocity_m_s;
-  motion.angular_velocity_rad_s = body.angular_velocity_rad_s;
+  const bool pushed = !(before.angular_n_m_s - since.given_at(from_ns).angular_n_m_s).isZero(0.0);
+  const double more_rad = way_s * (body.angular_velocity_rad_s - motion.angular_velocity_rad_s).norm();
+  if (box_ != nullptr && pushed && more_rad > kBlocked_rad) {
+    // A hand that turns it so far would not touch it there any more: something that is not told holds it.
+    turned = turn_of(motion.angular_velocity_rad_s, way_s);
+  } else {
+    motion.angular_velocity_rad_s = body.angular_velocity_rad_s;
+  }
   turned.normalize();
   if (turned.vec().isZero(0.0)) return turned;
   const Matrix3d R = turned.toRotationMatrix();

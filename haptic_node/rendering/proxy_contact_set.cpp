@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Geometry>
+
 #include "rtbus/eigen.hpp"
 
 namespace haptic {
@@ -11,6 +13,11 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using rtbus::vector_of;
+
+/// A tip of 5 mm goes round an edge so fast at 0.5 m/s.
+constexpr double kFastestTurn_rad_s = 100.0;
+/// Square of the sine of an angle that is none.
+constexpr double kSameDirection = 1e-24;
 
 std::size_t contacts_of(const rtbus::ProxyContacts& answer) noexcept {
   return std::min<std::size_t>(answer.contacts, rtbus::kContactSlots);
@@ -69,12 +76,21 @@ void ProxyContactSet::follow_hull(Contact& contact, Bodies bodies, const LocalPr
   contact.from_centre_m = point_m - bodies[contact.body].motion.centre_m;
 }
 
-/// Likewise of a box that forces move.
-void ProxyContactSet::follow_box(Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept {
+/// Likewise of a box that forces move. One that falls past the proxy turns the force no faster than the hand follows.
+void ProxyContactSet::follow_box(Contact& contact, Bodies bodies, const LocalProxy& proxy, double h) noexcept {
   const auto* const free = bodies[contact.body].as<FreeBody>();
   if (free == nullptr) return;
-  (void)free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m,
-                             contact.normal);
+  Vector3d normal;
+  if (!free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m, normal)) {
+    return;
+  }
+  const double angle = std::acos(std::clamp(normal.dot(contact.normal), -1.0, 1.0)), most = kFastestTurn_rad_s * h;
+  const Vector3d axis = contact.normal.cross(normal);
+  if (angle <= most || axis.squaredNorm() < kSameDirection) {
+    contact.normal = normal;
+  } else {
+    contact.normal = Eigen::AngleAxisd(most, axis.normalized()) * contact.normal;
+  }
 }
 
 /// The contacts of one surface, anew: where its distance to the proxy has a minimum.
@@ -231,7 +247,6 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
     contact.standing = shapes.index_of(answer.body_index[row]);
     if (contact.standing >= 0) follow_hull(contact, bodies, proxy, shapes);
-    follow_box(contact, bodies, proxy);
     const double gap_m = gap_of(contact, bodies, proxy);
     const std::size_t best = match(contact, old_count, matched);
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
@@ -315,7 +330,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact, bodies, proxy);
     if (contact.standing >= 0 && !contact.fades) follow_hull(contact, bodies, proxy, shapes);
-    if (!contact.fades) follow_box(contact, bodies, proxy);
+    if (!contact.fades) follow_box(contact, bodies, proxy, h);
     const Vector3d surface = carried_m_s(contact, bodies[contact.body].motion) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;
