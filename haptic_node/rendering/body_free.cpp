@@ -89,7 +89,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
       support.friction = 1.0;
       support_count_ = 1;
       inverse_inertia_per_kg_m2_.setZero();
-    } else if (box_ != nullptr) {
+    } else if (box_ != nullptr && since.others.none()) {
       // In a pile what holds it may bear nothing for an instant: no push turns it.
       inverse_inertia_per_kg_m2_.setZero();
     }
