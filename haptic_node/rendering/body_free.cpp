@@ -89,11 +89,9 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
       support.friction = 1.0;
       support_count_ = 1;
       inverse_inertia_per_kg_m2_.setZero();
-    } else if (box_ != nullptr && since.others.none()) {
-      // In a pile what holds it may bear nothing for an instant: no push turns it.
-      inverse_inertia_per_kg_m2_.setZero();
     }
   }
+  if (!lies_) box_ = nullptr;  // what holds it is not known, nor how it turns
   return since.from_ns < since.now_ns ? resimulate(since, supports, motion) : Quaterniond::Identity();
 }
 

@@ -72,7 +72,7 @@ class LocalWorld {
 
   /// What the proxy would bear in the step of `h` that comes, without the answer that is about to be taken: advance()
   /// changes the force by no more than Tuning::recovery_m_s allows a surface to change it.
-  void foresee(const LocalSpring& spring, double h) noexcept RTBUS_NONBLOCKING;
+  void foresee(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept RTBUS_NONBLOCKING;
 
   /// An answer has come.
   void take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
@@ -109,6 +109,7 @@ class LocalWorld {
                                              std::uint64_t now_ns) noexcept;
   void take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept;
   void pull_proxy(const LocalSpring& spring, double h) noexcept;
+  void begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept;
   void brake(double h) noexcept;
   [[nodiscard]] std::size_t solve(double h) noexcept;
   void ease(const LocalSpring& spring, double h) noexcept;
@@ -132,7 +133,8 @@ class LocalWorld {
   WorldClock clock_;
   bool networked_ = false;       ///< The last answer came over a network.
   double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
-  std::uint64_t now_ns_ = 0;
+  std::uint64_t now_ns_ = 0;     ///< The bodies are there.
+  std::uint64_t begun_ns_ = 0;   ///< This tick has begun.
   std::optional<double> correction_m_;
   double tick_s_ = 1e-3;  ///< Of the last step.
 

@@ -247,6 +247,10 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
     contact.standing = shapes.index_of(answer.body_index[row]);
     if (contact.standing >= 0) follow_hull(contact, bodies, proxy, shapes);
+    if (const auto* const free = bodies[contact.body].as<FreeBody>()) {
+      (void)free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m,
+                                 contact.normal);
+    }
     const double gap_m = gap_of(contact, bodies, proxy);
     const std::size_t best = match(contact, old_count, matched);
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
