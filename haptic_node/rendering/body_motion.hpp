@@ -40,12 +40,11 @@ struct BodyMotion {
     velocity_m_s *= slower;
     angular_velocity_rad_s *= slower;
   }
-  /// No faster than `lasting_m_s`. What is slowed down does not spin.
+  /// No faster than `lasting_m_s`, and without spin.
   void slow_down(double lasting_m_s) noexcept {
-    const double speed = velocity_m_s.norm();
-    if (speed <= lasting_m_s) return;
-    velocity_m_s *= lasting_m_s / speed;
     angular_velocity_rad_s.setZero();
+    const double speed = velocity_m_s.norm();
+    if (speed > lasting_m_s) velocity_m_s *= lasting_m_s / speed;
   }
 };
 
