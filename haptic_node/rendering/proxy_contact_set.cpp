@@ -354,6 +354,14 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     row.impulse_n_s = contact.impulse_n_s;
     row_source_[count++] = i;
   }
+  // Surfaces that face each other with the proxy between do not both come nearer: they would squeeze it.
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = i + 1; j < count; ++j) {
+      const bool between = rows[i].closing_m_s < 0.0 && rows[j].closing_m_s < 0.0 &&
+                           rows[i].normal.dot(rows[j].normal) < -tuning_.same_contact_cosine;
+      if (between) rows[i].closing_m_s = rows[j].closing_m_s = 0.0;
+    }
+  }
   return count;
 }
 
