@@ -2,9 +2,11 @@
 /// and the same method at 10 kHz on both sides.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -25,8 +27,9 @@ struct Push {
 };
 
 struct Pushed {
-  double largest_n = 0.0;  ///< Force on the hand along z.
-  double left_s = 0.0;     ///< When the box was `below_m` under where it began.
+  std::vector<double> force_n;  ///< On the hand along z, once a millisecond.
+  double tips_s = 0.0;          ///< When the box had turned by 1 mrad.
+  double left_s = 0.0;          ///< When the box was `below_m` under where it began.
   physics::BodyPose last;
 };
 
@@ -48,14 +51,18 @@ Pushed push(const Push& how, std::vector<std::string> more, double below_m = 1.0
   double began_m = 0.0;
   harness.run(how.duration_s, [&](const rtbus::Telemetry& tick) {
     if (tick.tick % every != 0) return;
-    out.largest_n = std::max(out.largest_n, tick.force_n[2]);
+    out.force_n.push_back(tick.force_n[2]);
     if (FILE* f = getenv("DUMP") ? fopen(getenv("DUMP"), "a") : nullptr) {
       auto q = harness.stepper()->world().body_pose(1).orientation;
       std::fprintf(f, "%g %g %g %g %g\n", harness.now_s(), tick.force_n[2], tick.force_n[1], 2 * q.x(),
                    harness.stepper()->world().body_pose(1).position_m.z());
       fclose(f);
     }  // DUMP
-    const double height_m = harness.stepper()->world().body_pose(1).position_m.y();
+    const physics::BodyPose box = harness.stepper()->world().body_pose(1);
+    const double height_m = box.position_m.y();
+    if (out.tips_s == 0.0 && box.orientation.angularDistance(Eigen::Quaterniond::Identity()) > 1e-3) {
+      out.tips_s = harness.now_s();
+    }
     if (harness.now_s() < 0.9) began_m = height_m;
     if (out.left_s == 0.0 && harness.now_s() > 0.9 && height_m < began_m - below_m) out.left_s = harness.now_s();
   });
@@ -72,6 +79,7 @@ const std::vector<std::string> kConverged{"haptic.0.rate_hz=10000", "physics.rat
 // its speed times √(K·m) comes on top. As a patch that cannot tilt the box resisted with all its friction.
 TEST(FreeBox, TipsAtTheForceThatLiftsItOverItsEdge) {
   constexpr double kMass_kg = 0.2, kDepth_m = 0.03, kHeight_m = 0.07;
+  constexpr int kMean_ms = 300;
   const Push how{
       "{name: floor, type: static, shape: {plane: {}}, friction: 0.5}, {name: box, type: dynamic, "
       "mass_kg: 0.2, shape: {box: {size_m: [0.04, 0.08, 0.03]}}, position_m: [0, 0.04, -0.015], "
@@ -87,8 +95,14 @@ TEST(FreeBox, TipsAtTheForceThatLiftsItOverItsEdge) {
     std::vector<std::string> settings = physics_at(hz);
     settings.emplace_back("haptic.0.device.mechanics.position_quantum_m=0");
     const Pushed felt = push(how, settings);
-    std::printf("physics %s Hz: tips at %.4f N, closed form %.4f N\n", hz, felt.largest_n, tips_n);
-    EXPECT_NEAR(felt.largest_n, tips_n, 0.02 * tips_n) << hz;
+    ASSERT_GT(felt.tips_s, 1.0) << hz;
+    const auto begin = felt.force_n.begin() + static_cast<std::ptrdiff_t>(1000.0 * felt.tips_s);
+    const double mean_n = std::accumulate(begin, begin + kMean_ms, 0.0) / kMean_ms;
+    const double largest_n = *std::max_element(felt.force_n.begin(), felt.force_n.end());
+    std::printf("physics %s Hz: tips under %.4f N, at most %.4f N; closed form %.4f N\n", hz, mean_n, largest_n,
+                tips_n);
+    EXPECT_NEAR(mean_n, tips_n, 0.02 * tips_n) << hz;
+    EXPECT_LE(largest_n, 1.05 * tips_n) << hz;
     EXPECT_GT(felt.last.orientation.angularDistance(Eigen::Quaterniond::Identity()), 0.02) << "it tips, physics " << hz;
   }
 }
