@@ -91,7 +91,6 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
       inverse_inertia_per_kg_m2_.setZero();
     }
   }
-  if (!lies_) box_ = nullptr;  // what holds it is not known, nor how it turns
   return since.from_ns < since.now_ns ? resimulate(since, supports, motion) : Quaterniond::Identity();
 }
 

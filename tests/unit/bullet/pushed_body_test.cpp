@@ -81,7 +81,7 @@ TEST(PushedBody, GetsEvenlyWhatNobodyToldTheTimeOf) {
   stepper->step(kStepS);
   const double speed = 0.02 / kMassKg;
   // Each of 25 parts gets its share at its beginning.
-  EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * 0.26 * 0.5, 1e-6 * speed);
+  EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * 0.26, 1e-6 * speed);
 }
 
 // Neither a sample of another epoch, nor one that is older than the newest, nor one without force tells anything.
