@@ -26,6 +26,7 @@ std::unique_ptr<Method> make_method(const HapticConfig& config, const Mapping& m
                               config.wire.paper,
                               config.proxy.mass_kg,
                               config.standing,
+                              config.boxes,
                               config.other_hands.size(),
                               echo};
   return find_method(config.method)->make(context);

@@ -195,6 +195,7 @@ void read_method(Map& entry, rtbus::config::SessionConfig& session, HapticConfig
   out.shapes = session.scene.static_shapes();
   if (method.needs_contacts && rtbus::config::simulates_the_scene(*session.physics)) {
     out.standing = session.scene.standing_shapes();
+    out.boxes = session.scene.free_boxes();
   }
   if (!method.needs_physics && out.shapes.empty()) {
     entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");

@@ -61,9 +61,10 @@ struct HapticConfig {
   rtbus::RealtimeRequest realtime;
   double spin_s = 0.0;  ///< Tail of each sleep that is spent spinning.
   std::unique_ptr<drivers::DeviceConfig> device;
-  std::vector<rtbus::shapes::PlacedShape> shapes;      ///< Static analytic bodies of the scene.
-  std::vector<rtbus::shapes::StandingShape> standing;  ///< Of the scene, for a method that knows shapes.
-  std::vector<OtherHandConfig> other_hands;            ///< For a method that feels them.
+  std::vector<rtbus::shapes::PlacedShape> shapes;                   ///< Static analytic bodies of the scene.
+  std::vector<rtbus::shapes::StandingShape> standing;               ///< Of the scene, for a method that knows shapes.
+  std::vector<std::pair<std::uint32_t, rtbus::shapes::Box>> boxes;  ///< That forces move, by body; likewise.
+  std::vector<OtherHandConfig> other_hands;                         ///< For a method that feels them.
   bool telemetry_always = false;      ///< Not of the file: telemetry is published though nobody observes it.
   std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
 

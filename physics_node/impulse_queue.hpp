@@ -1,6 +1,6 @@
 #pragma once
 /// @file impulse_queue.hpp
-/// What a hand did to bodies, told unevenly by a network, is given to them evenly.
+/// What a hand did to bodies between its samples, until a step of the world gives it to them.
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -13,18 +13,19 @@
 
 namespace physics {
 
-/// Impulse that a body receives in the next step.
+/// Impulse that a body receives in the next step, evenly between two instants of it.
 struct PendingImpulse {
   std::size_t body = 0;
   Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d angular_n_m_s = Eigen::Vector3d::Zero();
-  double middle = 0.5;  ///< Its mean time in the step, 0…1.
+  double from = 0.0, to = 1.0;  ///< Shares of the step.
 };
 
-/// A steady push whose samples come in bunches would be no push in one step and twice the push in the next: a light
-/// body rattles, and the hand feels that. Here each step takes as much of the hand's time as it lasts itself, as long
-/// as so much has been told. What a gap has left over drains within seconds: it is age of the answers, and nothing
-/// else, for they say which time of the hand they belong to (queued_s()).
+/// Each step takes as much of the hand's time as it lasts itself, as long as so much has been told: the world's weights
+/// act for just as long as the hand pushes. (A steady push whose samples come in bunches would be no push in one step
+/// and twice the push in the next: a light body rattles, and what is about to tip gets blows.) What a gap has left over
+/// drains within seconds: it is age of the answers, and nothing else, for they say which time of the hand they belong
+/// to (queued_s()).
 class ImpulseQueue {
  public:
   using Rows = std::array<PendingImpulse, rtbus::kHandImpulseRows>;
@@ -40,18 +41,21 @@ class ImpulseQueue {
     queued_s_ += told_.back().seconds;
   }
 
-  /// What the next step of `dt_s` seconds gives to the bodies, one row for each, is added to `out`.
-  void take(double dt_s, std::vector<PendingImpulse>& out) {
+  /// What the next step of `dt_s` seconds gives to the bodies, each at its time, is added to `out`.
+  /// @param most_s So much is held back at most.
+  void take(double dt_s, double most_s, std::vector<PendingImpulse>& out) {
     const double spare_s = std::max(0.0, queued_s_ - dt_s);
-    double due_s = dt_s + std::max(spare_s * std::min(1.0, dt_s / kDrain_s), spare_s - kMost_s);
+    const double due_s = dt_s + std::max(spare_s * std::min(1.0, dt_s / kDrain_s), spare_s - most_s);
+    double begin_s = 0.0;
     while (!told_.empty()) {
       Told& first = told_.front();
       const double left_s = first.share * first.seconds;
-      const double share = left_s > due_s ? due_s / first.seconds : first.share;
-      if (share > 0.0) add(first.rows, share, out);
+      const double share = begin_s + left_s > due_s ? (due_s - begin_s) / first.seconds : first.share;
+      const double end_s = begin_s + share * first.seconds;
+      if (share > 0.0) add(first.rows, share, begin_s / due_s, end_s / due_s, out);
       first.share -= share;
-      due_s -= share * first.seconds;
       queued_s_ -= share * first.seconds;
+      begin_s = end_s;
       if (left_s > share * first.seconds) break;
       told_.pop_front();
     }
@@ -63,7 +67,6 @@ class ImpulseQueue {
 
  private:
   static constexpr double kDrain_s = 2.0;
-  static constexpr double kMost_s = 0.25;
 
   struct Told {
     Rows rows;
@@ -71,13 +74,15 @@ class ImpulseQueue {
     double share;  ///< That is left.
   };
 
-  static void add(const Rows& rows, double share, std::vector<PendingImpulse>& out) {
+  static void add(const Rows& rows, double share, double from, double to, std::vector<PendingImpulse>& out) {
     for (const PendingImpulse& row : rows) {
       if (row.impulse_n_s.isZero(0.0) && row.angular_n_m_s.isZero(0.0)) continue;
-      auto found = std::find_if(out.begin(), out.end(), [&](const auto& other) { return other.body == row.body; });
-      if (found == out.end()) found = out.insert(out.end(), PendingImpulse{row.body});
-      found->impulse_n_s += share * row.impulse_n_s;
-      found->angular_n_m_s += share * row.angular_n_m_s;
+      PendingImpulse& given =
+          out.emplace_back(PendingImpulse{row.body, share * row.impulse_n_s, share * row.angular_n_m_s});
+      if (from < to) {
+        given.from = from;
+        given.to = to;
+      }
     }
   }
 

@@ -148,6 +148,18 @@ std::string Node::left_out() const {
   return text;
 }
 
+/// Bodies receive what the hand did in each of its samples at that time; the newest one says where it is.
+bool Node::hear_all(std::size_t device, rtbus::Stamped<rtbus::DeviceState>& newest) noexcept {
+  rtbus::Stamped<rtbus::DeviceState> next;
+  bool fresh = false;
+  while (topics_->device_states[device]->read_next(next) == rtbus::ReadStatus::kFresh) {
+    if (fresh) stepper_->hear(device, newest.value);
+    newest = next;
+    fresh = true;
+  }
+  return fresh;
+}
+
 bool Node::read_devices() noexcept {
   const std::uint64_t now_ns = rtbus::monotonic_ns();
   bool first_is_fresh = false;
@@ -158,7 +170,7 @@ bool Node::read_devices() noexcept {
   for (std::size_t i = 0; i < heard_ns_.size(); ++i) {
     rtbus::Stamped<rtbus::DeviceState> sample;
     const bool fresh = topics_->pipes.empty()
-                           ? topics_->device_states[i]->read_latest(sample) == rtbus::ReadStatus::kFresh
+                           ? hear_all(i, sample)
                            : topics_->pipes[i].receive_newest(i == 0 ? now_ns + kLongestNapNs : now_ns, sample);
     if (fresh) {
       first_is_fresh = first_is_fresh || i == 0;

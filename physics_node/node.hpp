@@ -79,6 +79,7 @@ class Node {
   void step_on_packets() noexcept;
   /// Takes the newest state of each device. @returns whether the first one had a new sample.
   bool read_devices() noexcept;
+  bool hear_all(std::size_t device, rtbus::Stamped<rtbus::DeviceState>& newest) noexcept;
   [[nodiscard]] bool wait_for_packet() noexcept;
   void publish_answers(std::uint64_t compute_ns) noexcept;
   /// Called after the answers are published: the hand does not wait for observers.

@@ -59,7 +59,12 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   link.enabled = device.enabled != 0;
   link.wants_contacts = (device.wants & rtbus::kWantsContacts) != 0;
   link.owns_proxy = (device.wants & rtbus::kOwnsProxy) != 0;
-  take_hand_impulses(link, device, begins);
+  if (begins || !link.owns_proxy) {
+    link.queue.clear();
+    link.hand_impulses.take(device);
+  } else {
+    queue_hand_impulses(link, device);
+  }
   link.answer_age_s = std::max(device.answer_age_s, begins ? 0.0 : kAgeKept * link.answer_age_s);
   link.position_scale = device.position_scale;
   link.mapping_epoch = device.mapping_epoch;
@@ -68,75 +73,68 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   if (begins) rebase(proxy);
 }
 
-void Stepper::take_hand_impulses(Link& link, const rtbus::DeviceState& device, bool begins) {
-  if (begins || !link.owns_proxy) {
-    link.queue.clear();
-    link.told_s = 0.0;
-  }
-  HandImpulses now;
-  now.body = device.hand_impulse_body;
-  now.generation = device.hand_impulse_generation;
-  now.time_ns = device.sample_time_ns;
-  const double elapsed_s =
-      now.time_ns > link.hand_impulses.time_ns ? rtbus::seconds_between(link.hand_impulses.time_ns, now.time_ns) : 0.0;
-  for (std::size_t i = 0; i < rtbus::kHandImpulseRows; ++i) {
-    now.impulse_n_s[i] = vector_of(device.hand_impulse_n_s[i]);
-    now.angular_n_m_s[i] = vector_of(device.hand_angular_impulse_n_m_s[i]);
-    now.integral_n_s2[i] = vector_of(device.hand_impulse_integral_n_s2[i]);
-    PendingImpulse& pending = link.pending[i];
-    if (begins || !link.owns_proxy) pending = PendingImpulse{};
-    if (begins || !link.owns_proxy || now.generation[i] == 0) continue;
-    const bool same =
-        now.generation[i] == link.hand_impulses.generation[i] && now.body[i] == link.hand_impulses.body[i];
-    const auto since = [&](const Vector3d& value, const Vector3d& before) {
-      return same ? Vector3d(value - before) : value;
-    };
-    if (pending.body != now.body[i]) pending = PendingImpulse{};
-    pending.body = now.body[i];
-    pending.impulse_n_s += since(now.impulse_n_s[i], link.hand_impulses.impulse_n_s[i]);
-    pending.angular_n_m_s += since(now.angular_n_m_s[i], link.hand_impulses.angular_n_m_s[i]);
-    // For an impulse J at one instant, its time integral is J · (time since then).
-    const Vector3d integral = since(now.integral_n_s2[i], link.hand_impulses.integral_n_s2[i]) -
-                              elapsed_s * (same ? link.hand_impulses.impulse_n_s[i] : Vector3d::Zero());
-    const double square = pending.impulse_n_s.squaredNorm();
-    pending.middle = 0.5;
-    if (square > 0.0 && elapsed_s > 0.0) {
-      pending.middle = std::clamp(1.0 - integral.dot(pending.impulse_n_s) / (square * elapsed_s), 0.0, 1.0);
-    }
-  }
-  if (!begins && link.owns_proxy) link.told_s += elapsed_s;
-  link.hand_impulses = now;
+void Stepper::hear(std::size_t proxy, const rtbus::DeviceState& device) {
+  Link& link = links_.at(proxy);
+  const bool goes_on = !link.silent && link.owns_proxy && device.enabled != 0 &&
+                       (device.wants & rtbus::kOwnsProxy) != 0 && device.mapping_epoch == link.mapping_epoch;
+  if (!goes_on || device.sample_time_ns <= link.hand_impulses.time_ns) return;
+  if (rtbus::sane(device, device.sample_time_ns)) queue_hand_impulses(link, device);
 }
 
-/// What the bodies receive in the next step. Over a network, evenly.
-void Stepper::gather_impulses(Link& link, double dt_s) {
-  link.due.clear();
-  if (!link.config.wire.over_network()) {
-    link.due.assign(link.pending.begin(), link.pending.end());
-  } else if (link.owns_proxy) {
-    if (link.told_s > 0.0) link.queue.tell(link.pending, link.told_s);
-    link.queue.take(dt_s, link.due);
+/// What the hand did since its sample before.
+void Stepper::queue_hand_impulses(Link& link, const rtbus::DeviceState& device) {
+  const HandImpulses& before = link.hand_impulses;
+  ImpulseQueue::Rows rows{};
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (device.hand_impulse_generation[i] == 0) continue;
+    const bool same =
+        device.hand_impulse_generation[i] == before.generation[i] && device.hand_impulse_body[i] == before.body[i];
+    rows[i].body = device.hand_impulse_body[i];
+    rows[i].impulse_n_s = vector_of(device.hand_impulse_n_s[i]);
+    rows[i].angular_n_m_s = vector_of(device.hand_angular_impulse_n_m_s[i]);
+    if (!same) continue;
+    rows[i].impulse_n_s -= vector_of(before.impulse_n_s[i]);
+    rows[i].angular_n_m_s -= vector_of(before.angular_n_m_s[i]);
   }
-  link.pending = {};
-  link.told_s = 0.0;
+  const bool later = device.sample_time_ns > before.time_ns;
+  link.queue.tell(rows, later ? rtbus::seconds_between(before.time_ns, device.sample_time_ns) : 0.0);
+  link.hand_impulses.take(device);
+}
+
+void Stepper::HandImpulses::take(const rtbus::DeviceState& device) noexcept {
+  time_ns = device.sample_time_ns;
+  body = device.hand_impulse_body;
+  generation = device.hand_impulse_generation;
+  impulse_n_s = device.hand_impulse_n_s;
+  angular_n_m_s = device.hand_angular_impulse_n_m_s;
+}
+
+/// What the bodies receive in the next step. In one memory samples and steps are out of step by a part of a step at
+/// most, or a tick.
+void Stepper::gather_impulses(Link& link, double dt_s) {
+  constexpr double kMostOverNetwork_s = 0.25, kMostOfStep = 0.25, kMostTick_s = 1e-3;
+  link.due.clear();
+  link.queue.take(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : kMostOfStep * dt_s + kMostTick_s,
+                  link.due);
 }
 
 /// Applies the part of the impulses of the step that belongs to the interval [from, to] of a step of `dt_s` seconds
-/// (0…1 of the step).
+/// (0…1 of the step). The loop counts an impulse at the beginning of its tick; so does a part of a step.
 void Stepper::apply_pending(std::size_t proxy, double from, double to, double dt_s) {
   Link& link = links_[proxy];
+  pushes_.clear();
   for (const PendingImpulse& pending : link.due) {
-    if (pending.impulse_n_s.isZero(0.0) && pending.angular_n_m_s.isZero(0.0)) continue;
-    // Distributed around its mean time, as wide as the step allows, at least one part. The loop counts an impulse at
-    // the beginning of its tick; so does a part of a step. Over both ends of a part that is half a part later. (Without
-    // it a steady push of 10 ticks fell into 9 of 10 parts, and a block below its friction bound was pushed above it.)
-    const double middle = std::min(1.0, pending.middle + 0.5 * (to - from));
-    const double width = std::max(to - from, 2.0 * std::min(middle, 1.0 - middle));
-    const double begin = std::clamp(middle - 0.5 * width, 0.0, 1.0 - width);
-    const double share = (std::min(to, begin + width) - std::max(from, begin)) / width;
+    const double share = (std::min(to, pending.to) - std::max(from, pending.from)) / (pending.to - pending.from);
     if (share <= 0.0) continue;
-    const double per_s = share / ((to - from) * dt_s);
-    world_->apply_hand_force(proxy, pending.body, per_s * pending.impulse_n_s, per_s * pending.angular_n_m_s);
+    auto push = std::find_if(pushes_.begin(), pushes_.end(),
+                             [&pending](const PendingImpulse& each) { return each.body == pending.body; });
+    if (push == pushes_.end()) push = pushes_.insert(push, PendingImpulse{pending.body});
+    push->impulse_n_s += share * pending.impulse_n_s;
+    push->angular_n_m_s += share * pending.angular_n_m_s;
+  }
+  const double per_s = 1.0 / ((to - from) * dt_s);
+  for (const PendingImpulse& push : pushes_) {
+    world_->apply_hand_force(proxy, push.body, per_s * push.impulse_n_s, per_s * push.angular_n_m_s);
   }
 }
 
@@ -146,9 +144,7 @@ void Stepper::release(std::size_t proxy) {
   link.target.velocity_m_s.setZero();
   link.silent = true;
   link.wants_contacts = false;
-  link.pending = {};
   link.queue.clear();
-  link.told_s = 0.0;
   world_->release_proxy(proxy);
 }
 
@@ -166,6 +162,9 @@ std::uint64_t Stepper::received_until_ns(const Link& link) noexcept {
 
 void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {
   world_->contacts(proxy, radius_m > 0.0 ? radius_m : contact_radius_m(proxy), contacts_);
+  for (BodyBehind& body : contacts_.bodies) {
+    if (body.kind != BodyKind::kSoft) body.orientation = world_->body_pose(body.body).orientation;
+  }
   fill_message(contacts_, answer(proxy), out);
   out.device_time_ns = received_until_ns(links_[proxy]);
   out.hands = static_cast<std::uint32_t>(std::min(links_.size(), rtbus::kHandSlots));

@@ -27,7 +27,7 @@ namespace physics {
 ///
 /// A method that simulates the proxy itself (DeviceState::wants, kOwnsProxy) needs no spring here. The proxy is placed
 /// where the method has it, and pushes nothing. In each step a body receives the impulse that the hand felt from it
-/// since the step before (hand_impulse_…), distributed around its mean time: Newton's third law.
+/// since the step before (hand_impulse_…), each at its time: Newton's third law.
 ///
 /// A device that asks for it (DeviceState::hand_stiffness_n_per_m …) also gets the force on the hand, eq. (3) and (4):
 /// K(P_p + n·h·V_p − P_h) − B·V_p with n = prediction_periods; in the improved form the damper is relative, B(V_p −
@@ -41,6 +41,10 @@ class Stepper {
   ///    the proxy: it is put onto the target at rest, so whatever begins then begins at zero stored energy.
   ///  - A state with a value that is not finite, or a scale ≤ 0, is ignored and counted.
   void set_device(std::size_t proxy, const rtbus::DeviceState& device, std::uint64_t sequence);
+
+  /// A state before the newest, in order: when in the next step a body receives what the hand gave it. What nobody told
+  /// in between is spread evenly.
+  void hear(std::size_t proxy, const rtbus::DeviceState& device);
 
   /// What orders say of bodies with `motion: target`; those whose time is over stay where they are.
   void set_body_orders(const rtbus::BodyOrders& orders, std::uint64_t now_ns);
@@ -96,8 +100,9 @@ class Stepper {
   /// DeviceState::hand_impulse_… and its time.
   struct HandImpulses {
     std::array<std::uint32_t, rtbus::kHandImpulseRows> body{}, generation{};
-    std::array<Eigen::Vector3d, rtbus::kHandImpulseRows> impulse_n_s, angular_n_m_s, integral_n_s2;
+    std::array<rtbus::Vec3, rtbus::kHandImpulseRows> impulse_n_s{}, angular_n_m_s{};
     std::uint64_t time_ns = 0;
+    void take(const rtbus::DeviceState& device) noexcept;
   };
   /// Between one device and its proxy.
   struct Link {
@@ -123,12 +128,10 @@ class Stepper {
     double prediction_periods = 0.0;
     bool owns_proxy = false;          // the device does: bodies get what it gives them, nothing else
     HandImpulses hand_impulses;       // as of its newest state
-    ImpulseQueue::Rows pending;       // by the next step; over a network since the last one
-    ImpulseQueue queue;               // over a network
-    double told_s = 0.0;              // hand's time in pending, likewise
+    ImpulseQueue queue;               // what bodies have not received yet
     std::vector<PendingImpulse> due;  // in this step
   };
-  void take_hand_impulses(Link& link, const rtbus::DeviceState& device, bool begins);
+  static void queue_hand_impulses(Link& link, const rtbus::DeviceState& device);
   void gather_impulses(Link& link, double dt_s);
   /// Time of the hand until which bodies have received what it did.
   [[nodiscard]] static std::uint64_t received_until_ns(const Link& link) noexcept;
@@ -140,7 +143,8 @@ class Stepper {
   std::unique_ptr<World> world_;
   int substeps_;
   std::vector<Link> links_;
-  ContactSet contacts_;  // kept for its memory
+  ContactSet contacts_;                 // kept for its memory
+  std::vector<PendingImpulse> pushes_;  // likewise
   double step_s_ = 0.0;
   double simulated_s_ = 0.0;
   std::uint64_t steps_ = 0;

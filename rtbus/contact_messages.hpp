@@ -52,6 +52,7 @@ struct ProxyContacts {
   std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order.
   std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic, 3 soft.
   std::array<Vec3, kContactSlots> body_centre_m{};
+  std::array<Quat, kContactSlots> body_orientation_wxyz{};  ///< q_WB; zero: not known.
   std::array<Vec3, kContactSlots> body_velocity_m_s{};
   std::array<Vec3, kContactSlots> body_angular_velocity_rad_s{};
   std::array<double, kContactSlots> body_inverse_mass_per_kg{};
@@ -110,6 +111,7 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, body_index, "1"),
                                       RTBUS_FIELD(T, body_kind, "1"),
                                       RTBUS_FIELD(T, body_centre_m, "m"),
+                                      RTBUS_FIELD(T, body_orientation_wxyz, "1"),
                                       RTBUS_FIELD(T, body_velocity_m_s, "m/s"),
                                       RTBUS_FIELD(T, body_angular_velocity_rad_s, "rad/s"),
                                       RTBUS_FIELD(T, body_inverse_mass_per_kg, "1/kg"),
@@ -135,7 +137,7 @@ struct SampleTraits<ProxyContacts> {
       RTBUS_TABLE(T, supports, support_body, support_points, kSupportSlots)};
 };
 
-static_assert(sizeof(ProxyContacts) == 10312 && TabularSample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 10824 && TabularSample<ProxyContacts>);
 
 /// `physics.contact_points.HAPTIC`, at most 30 times a second and only while an observer is attached: where the proxy
 /// touches, or nearly so, whatever the method. The radius is that of Stepper::contact_radius_m(). Rows beyond the count

@@ -109,7 +109,7 @@ bool SampleTraits<DeviceState>::sane(const T& s, std::uint64_t stamp_ns) noexcep
          within(s.hand_damping_n_s_per_m, kForce_n) && within(s.prediction_periods, kScale) &&
          not_after(s.sample_time_ns, stamp_ns) && s.enabled <= 1 && s.wants <= (kWantsContacts | kOwnsProxy) &&
          within(s.hand_impulse_n_s, kForce_n) && within(s.hand_angular_impulse_n_m_s, kForce_n) &&
-         within(s.hand_impulse_integral_n_s2, kForce_n) && within(s.gripper_m, kPosition_m) && s.answer_age_s >= 0.0 &&
+         within(s.gripper_m, kPosition_m) && s.answer_age_s >= 0.0 &&
          within(s.answer_age_s, kStep_s);
 }
 
@@ -142,7 +142,8 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
   constexpr std::uint32_t kKinds = 4;  // of body_kind
   const bool bodies =
       all_below(s.body_kind, kKinds, s.bodies) && all_below(s.body_index, kMostBodies, s.bodies) &&
-      within(s.body_centre_m, kPosition_m, s.bodies) && within(s.body_velocity_m_s, kVelocity_m_s, s.bodies) &&
+      within(s.body_centre_m, kPosition_m, s.bodies) && within(s.body_orientation_wxyz, kUnit, s.bodies) &&
+      within(s.body_velocity_m_s, kVelocity_m_s, s.bodies) &&
       within(s.body_angular_velocity_rad_s, kForce_n, s.bodies) && within(s.body_inverse_mass_per_kg, kAny, s.bodies) &&
       within(s.body_inverse_inertia_per_kg_m2, kAny, s.bodies) && within(s.body_external_force_n, kForce_n, s.bodies) &&
       within(s.body_external_torque_n_m, kForce_n, s.bodies) && within(s.body_friction_force_n, kForce_n, s.bodies) &&

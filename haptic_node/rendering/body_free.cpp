@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "haptic_node/rendering/static_shapes.hpp"
+
 namespace haptic {
 namespace {
 
@@ -19,6 +21,14 @@ constexpr std::uint32_t kPatchPoints = 3;
 constexpr double kPatchRadius = std::numbers::sqrt3;
 /// What goes slower than this, in either way, stands still.
 constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
+/// A quaternion is none where its length is farther from 1.
+constexpr double kUnit = 1e-3;
+/// A corner that is not there does not touch.
+constexpr double kFar_m = 1.0;
+/// A corner that has sunk in comes out by this part of its depth in a step, at most at this speed.
+constexpr double kOut = 0.2, kOut_m_s = 0.05;
+/// No push turns a body farther from the instant of an answer to now.
+constexpr double kBlocked_rad = 0.5;
 /// As old as an answer is without a network.
 constexpr double kGivesWay_s = 10e-3;
 
@@ -50,6 +60,11 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
   ball_ = is_ball(told);
   supported_ = rocks_ = false;
+  lies_ = false;
+  const rtbus::Quat& q = answer.body_orientation_wxyz[told.row];
+  q_WB_ = Quaterniond(q[0], q[1], q[2], q[3]);
+  box_ = std::abs(q_WB_.norm() - 1.0) <= kUnit ? since.boxes.box_of(answer.body_index[told.row]) : nullptr;
+  q_WB_.normalize();
   // A hand that pushes otherwise than at the answered instant moves it against its supports for the whole age of the
   // answer: behind a network, by no more than in kGivesWay_s.
   const double gives_way = since.networked ? kGivesWay_s / std::max(since.seconds(), kGivesWay_s) : 1.0;
@@ -65,7 +80,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      stand_on(since.tuning, supports, motion);
+      if (!lie_on_faces(since.boxes, motion, supports)) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -109,6 +124,56 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
     }
   }
   support_count_ = supports.count - first_support_;
+}
+
+/// A box whose supports are all on faces that are known lies there with its corners. It tips, turns and slides off as
+/// they push.
+bool FreeBody::lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, SupportPool& supports) noexcept {
+  const std::size_t more = (kCorners - 1) * support_count_;
+  if (box_ == nullptr || support_count_ > kFaces || supports.spare < more) return false;
+  std::array<Support, kFaces> held;
+  for (std::size_t i = 0; i < support_count_; ++i) {
+    held[i] = supports.rows[first_support_ + i];
+    const auto* const holder = boxes.holder_at(motion.centre_m + held[i].from_centre_m, held[i].normal);
+    rtbus::shapes::FacePoints corners;
+    if (holder == nullptr ||
+        !rtbus::shapes::face_points(*box_, q_WB_, motion.centre_m, *holder, held[i].normal, corners) ||
+        corners.count == 0) {
+      return false;
+    }
+    const double nearest_m =
+        *std::min_element(corners.gap_m.begin(), corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count));
+    faces_[i] = {holder, held[i].normal, nearest_m};
+  }
+  lies_ = true;
+  face_count_ = support_count_;
+  supports.spare -= more;
+  supports.count = first_support_;
+  for (std::size_t i = 0; i < face_count_; ++i) {
+    Support corner = held[i];
+    corner.force_n /= kCorners;
+    corner.impulse_n_s /= kCorners;
+    corner.velocity_m_s.setZero();
+    corner.torsion_radius_m = corner.torsion_n_m_s = 0.0;
+    for (std::size_t k = 0; k < kCorners; ++k) supports.rows[supports.count++] = corner;
+  }
+  support_count_ = supports.count - first_support_;
+  return true;
+}
+
+void FreeBody::find_corners(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
+  for (std::size_t i = 0; i < face_count_; ++i) {
+    rtbus::shapes::FacePoints corners;
+    (void)rtbus::shapes::face_points(*box_, q_WB, centre_m, *faces_[i].holder, faces_[i].toward, corners);
+    for (std::size_t k = 0; k < kCorners; ++k) {
+      Support& support = supports.rows[first_support_ + kCorners * i + k];
+      support.gap_m = kFar_m;
+      if (k >= corners.count) continue;
+      support.from_centre_m = corners.point_m[k] - centre_m;
+      support.normal = corners.normal;
+      support.gap_m = corners.gap_m[k] - faces_[i].rest_gap_m;
+    }
+  }
 }
 
 /// A body that stands on a patch does not tilt: the patch pushes where it must.
@@ -158,6 +223,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   SolverContact* const rows = since.scratch;
   std::size_t count = 0;
   if (inverse_mass_per_kg_ > 0.0) {
+    if (lies_) find_corners(motion.centre_m, q_WB_, supports);
     for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
       SolverContact& row = rows[count++];
       row = row_of(supports.rows[i], h);
@@ -167,13 +233,26 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     }
   }
   SolverBody body = solver_body(motion);
-  prepare_contacts(&body, rows, count);
+  const Matrix3d inverse_inertia = body.inverse_inertia_per_kg_m2;
+  if (!lies_) prepare_contacts(&body, rows, count);
   Quaterniond turned = Quaterniond::Identity();
   for (int part = 1; part <= since.parts; ++part) {
     const std::uint64_t until_ns =
         from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
     Impulse after = since.given_at(until_ns);
     after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
+    if (lies_) {
+      const Matrix3d R = turned.toRotationMatrix();
+      body.inverse_inertia_per_kg_m2 = R * inverse_inertia * R.transpose();
+      if (part > 1) find_corners(motion.centre_m, turned * q_WB_, supports);
+      for (std::size_t i = 0; i < count; ++i) {
+        const Support& support = supports.rows[first_support_ + i];
+        rows[i].normal = support.normal;
+        rows[i].from_a_m = support.from_centre_m;
+        rows[i].closing_m_s = closing_m_s(support, h);
+      }
+      prepare_contacts(&body, rows, count);
+    }
     SolverBody next = body;
     next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
     next.angular_velocity_rad_s +=
@@ -188,16 +267,28 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     before = after;
   }
   motion.velocity_m_s = body.velocity_m_s;
-  motion.angular_velocity_rad_s = body.angular_velocity_rad_s;
+  const bool pushed = !(before.angular_n_m_s - since.given_at(from_ns).angular_n_m_s).isZero(0.0);
+  const double more_rad = way_s * (body.angular_velocity_rad_s - motion.angular_velocity_rad_s).norm();
+  if (box_ != nullptr && pushed && more_rad > kBlocked_rad) {
+    // A hand that turns it so far would not touch it there any more: something that is not told holds it.
+    turned = turn_of(motion.angular_velocity_rad_s, way_s);
+  } else {
+    motion.angular_velocity_rad_s = body.angular_velocity_rad_s;
+  }
   turned.normalize();
   if (turned.vec().isZero(0.0)) return turned;
   const Matrix3d R = turned.toRotationMatrix();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
-  if (ball_) return turned;  // it rolls over what holds it: the support stays below the centre
+  if (box_ != nullptr) q_WB_ = (turned * q_WB_).normalized();
+  if (ball_ || lies_) return turned;  // it rolls over what holds it: the support stays below the centre
   for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
     supports.rows[i].from_centre_m = turned * supports.rows[i].from_centre_m;
   }
   return turned;
+}
+
+double FreeBody::closing_m_s(const Support& support, double h) noexcept {
+  return support.gap_m >= 0.0 ? support.gap_m / h : std::max(kOut * support.gap_m / h, -kOut_m_s);
 }
 
 SolverContact FreeBody::row_of(const Support& support, double h) const noexcept {
@@ -207,6 +298,7 @@ SolverContact FreeBody::row_of(const Support& support, double h) const noexcept 
   row.surface_velocity_m_s = support.velocity_m_s;
   row.friction = support.friction;
   row.torsion_radius_m = support.torsion_radius_m;
+  row.closing_m_s = closing_m_s(support, h);
   row.softness_per_kg = softness_per_kg_;
   row.expected_n_s = support.force_n * h;
   row.impulse_n_s = support.impulse_n_s;
@@ -234,8 +326,10 @@ void FreeBody::fill_row(const Vector3d& late_m_s, SolverContact& row) const noex
   if (self_ >= 0) row.surface_velocity_m_s = late_m_s;
 }
 
-std::size_t FreeBody::add_rows(SupportPool& supports, double h, SolverContact* rows, std::size_t first) noexcept {
+std::size_t FreeBody::add_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
+                               std::size_t first) noexcept {
   first_row_ = first;
+  if (lies_ && self_ >= 0) find_corners(motion.centre_m, q_WB_, supports);
   for (std::size_t i = 0; i < support_count_; ++i) {
     Support& support = supports.rows[first_support_ + i];
     if (self_ < 0) {
@@ -259,12 +353,28 @@ void FreeBody::advance(const StepSolution& step, SupportPool& supports, BodyMoti
     }
   }
   motion.centre_m += step.h * motion.velocity_m_s;
+  if (box_ == nullptr || motion.angular_velocity_rad_s.isZero(0.0)) return;
+  const Quaterniond turn = turn_of(motion.angular_velocity_rad_s, step.h);
+  const Matrix3d R = turn.toRotationMatrix();
+  q_WB_ = (turn * q_WB_).normalized();
+  inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
 }
 
 void FreeBody::correct(const Impulse& more, BodyMotion& motion) const noexcept {
   if (self_ < 0) return;
   motion.velocity_m_s += inverse_mass_per_kg_ * more.linear_n_s;
   motion.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * more.angular_n_m_s;
+}
+
+bool FreeBody::nearest_of_box(const Vector3d& centre_m, const Vector3d& proxy_m, Vector3d& from_centre_m,
+                              Vector3d& normal) const noexcept {
+  if (box_ == nullptr) return false;
+  const rtbus::shapes::SurfacePoint nearest =
+      rtbus::shapes::nearest_surface(rtbus::shapes::PlacedShape{*box_, q_WB_, centre_m}, proxy_m);
+  if (nearest.distance_m <= StaticShapes::kSurface_m) return false;
+  from_centre_m = nearest.point_m - centre_m;
+  normal = nearest.normal;
+  return true;
 }
 
 void FreeBody::brake() noexcept {

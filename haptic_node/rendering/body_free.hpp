@@ -1,6 +1,7 @@
 #pragma once
 /// @file body_free.hpp
 /// A body that forces move, on supports that stand. Frame W, SI units.
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -10,12 +11,16 @@
 #include "haptic_node/rendering/body_motion.hpp"
 #include "haptic_node/rendering/support.hpp"
 #include "rtbus/realtime.hpp"
+#include "rtbus/shapes/face_points.hpp"
 
 namespace haptic {
 
 /// Each support pushes back as far as the body is pushed against it. @realtime Yes.
 class FreeBody {
  public:
+  /// Of a box on a face.
+  static constexpr std::size_t kCorners = rtbus::shapes::FacePoints::kMost;
+
   /// Puts the body where the answer has it, and re-simulates it from there to now: under its forces, on its supports,
   /// with the impulses of all hands since, as advance() would have moved it, in fewer and longer steps.
   /// @param hand_m_s How fast the hand moves. @param supports Gets those of this body.
@@ -24,7 +29,10 @@ class FreeBody {
                           const SupportPool& old, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
 
   /// An answer does not name the body: it stands on nothing that is known.
-  void leave_supports() noexcept { support_count_ = 0; }
+  void leave_supports() noexcept {
+    support_count_ = 0;
+    lies_ = false;
+  }
 
   /// Takes part in a step as body number `self`, if it moves or is touched. @returns whether it does.
   /// @param heard By other hands in this step.
@@ -35,7 +43,7 @@ class FreeBody {
   void fill_row(const Eigen::Vector3d& late_m_s, SolverContact& row) const noexcept RTBUS_NONBLOCKING;
 
   /// Adds the rows of its supports from `rows[first]` on. @returns how many.
-  std::size_t add_rows(SupportPool& supports, double h, SolverContact* rows,
+  std::size_t add_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
                        std::size_t first) noexcept RTBUS_NONBLOCKING;
 
   void advance(const StepSolution& step, SupportPool& supports, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
@@ -46,18 +54,37 @@ class FreeBody {
   /// Answers are late: what stands on nothing loses its forces.
   void brake() noexcept RTBUS_NONBLOCKING;
 
+  /// The point of a box that is nearest to the proxy, from the centre, and the direction from there to the proxy.
+  /// @returns false inside of it, on it, and where it is no box.
+  [[nodiscard]] bool nearest_of_box(const Eigen::Vector3d& centre_m, const Eigen::Vector3d& proxy_m,
+                                    Eigen::Vector3d& from_centre_m,
+                                    Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING;
+
   /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
 
  private:
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
+  [[nodiscard]] bool lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, SupportPool& supports) noexcept;
+  /// The corners of all faces, where the body is now.
+  void find_corners(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
+                    SupportPool& supports) const noexcept;
   void stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept;
   Eigen::Quaterniond resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept;
+  [[nodiscard]] static double closing_m_s(const Support& support, double h) noexcept;
   [[nodiscard]] SolverContact row_of(const Support& support, double h) const noexcept;
   [[nodiscard]] SolverBody solver_body(const BodyMotion& motion) const noexcept {
     return {motion.velocity_m_s, motion.angular_velocity_rad_s, inverse_mass_per_kg_, inverse_inertia_per_kg_m2_};
   }
+
+  /// A face of what stands, on which the box lies with kCorners rows of the pool.
+  struct HeldFace {
+    const rtbus::shapes::PlacedShape* holder = nullptr;
+    Eigen::Vector3d toward = Eigen::Vector3d::UnitY();
+    double rest_gap_m = 0.0;  ///< Where physics has it touch.
+  };
+  static constexpr std::size_t kFaces = 4;
 
   double inverse_mass_per_kg_ = 0.0;
   double softness_per_kg_ = 0.0;  ///< Of each support: two that face each other
@@ -66,6 +93,11 @@ class FreeBody {
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();     ///< All but supports and the proxy.
   Eigen::Vector3d torque_n_m_ = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
   double friction_bound_n_ = 0.0;
+  const rtbus::shapes::Box* box_ = nullptr;  ///< Its shape; nullptr: not known.
+  bool lies_ = false;                        ///< On faces_, corner by corner; otherwise on supports as told.
+  Eigen::Quaterniond q_WB_ = Eigen::Quaterniond::Identity();  ///< Of box_.
+  std::array<HeldFace, kFaces> faces_{};
+  std::size_t face_count_ = 0;
   bool ball_ = false;
   bool supported_ = false;
   bool rocks_ = false;                ///< Stands on no patch.

@@ -11,6 +11,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/impulse_history.hpp"
+#include "haptic_node/rendering/known_boxes.hpp"
 #include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/clock.hpp"
@@ -39,12 +40,11 @@ struct BodyMotion {
     velocity_m_s *= slower;
     angular_velocity_rad_s *= slower;
   }
-  /// No faster than `lasting_m_s`. What is slowed down does not spin.
+  /// No faster than `lasting_m_s`, and without spin.
   void slow_down(double lasting_m_s) noexcept {
-    const double speed = velocity_m_s.norm();
-    if (speed <= lasting_m_s) return;
-    velocity_m_s *= lasting_m_s / speed;
     angular_velocity_rad_s.setZero();
+    const double speed = velocity_m_s.norm();
+    if (speed > lasting_m_s) velocity_m_s *= lasting_m_s / speed;
   }
 };
 
@@ -74,6 +74,7 @@ struct SinceAnswer {
   OtherHands::Since others;          ///< What other hands gave it.
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
   const Tuning& tuning;
+  const KnownBoxes& boxes;
   double besides_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
   bool networked = false;  ///< The answer has come over a network, and is old.
 

@@ -14,8 +14,11 @@ Quaterniond PileBody::take(const ToldBody& told, const SinceAnswer& since, const
                            const Vector3d& given_n_s, double hand_m_s, BodyMotion& motion) noexcept {
   const Vector3d centre_m = told.centre_m();
   const double lasting_m_s = std::max(since.tuning.pile_own_speed_m_s, hand_m_s);
-  set_mobility(since.tuning.pile_mobility_s *
-               std::min(told.loosest_per_kg, told.answer.body_inverse_mass_per_kg[told.row]));
+  held_ = told.supports > 0;
+  if (held_) {
+    set_mobility(since.tuning.pile_mobility_s *
+                 std::min(told.loosest_per_kg, told.answer.body_inverse_mass_per_kg[told.row]));
+  }
   if (before.time_ns != 0 && since.from_ns > before.time_ns) {
     // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
     const double apart_s = rtbus::seconds_between(before.time_ns, since.from_ns);

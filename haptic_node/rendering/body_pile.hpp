@@ -59,6 +59,8 @@ class PileBody {
   [[nodiscard]] double advance_m_s(const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
     return std::max(0.0, normal.dot(speed_m_s_));
   }
+  /// The last answer told what holds it. Bodies of a pile bounce: for an instant nothing may.
+  [[nodiscard]] bool held() const noexcept { return held_; }
   [[nodiscard]] double mobility_m_s_n() const noexcept { return mobility_m_s_n_; }
   [[nodiscard]] const Eigen::Vector3d& speed_m_s() const noexcept { return speed_m_s_; }
 
@@ -66,6 +68,7 @@ class PileBody {
   [[nodiscard]] Eigen::Vector3d surface_m_s(const Eigen::Vector3d& hand_m_s,
                                             const Eigen::Vector3d& normal) const noexcept;
 
+  bool held_ = false;
   double mobility_m_s_n_ = 0.0;
   Eigen::Vector3d push_n_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d speed_m_s_ = Eigen::Vector3d::Zero();

@@ -63,6 +63,8 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   } else {
     contact.mass_tangent_kg.setZero();
   }
+  const double largest = 0.5 * (w00 + w11) + std::hypot(0.5 * (w00 - w11), w01);
+  contact.least_mass_tangent_kg = largest > 0.0 ? 1.0 / largest : 0.0;
   if (contact.torsion_radius_m <= 0.0) return;
   double about_normal = contact.normal.dot(bodies[contact.a].inverse_inertia_per_kg_m2 * contact.normal);
   if (contact.b >= 0) about_normal += contact.normal.dot(bodies[contact.b].inverse_inertia_per_kg_m2 * contact.normal);
@@ -104,7 +106,11 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const Eigen::Vector2d slip2(contact.tangent[0].dot(u), contact.tangent[1].dot(u));
   const Eigen::Vector2d before(contact.tangent[0].dot(tangential), contact.tangent[1].dot(tangential));
   Eigen::Vector2d after = before - contact.mass_tangent_kg * slip2;
-  if (const double length = after.norm(); length > cone) after *= length > 0.0 ? cone / length : 0.0;
+  if (after.squaredNorm() > cone * cone) {
+    // What slides is braked against its slip. The matrix, which finds what sticks in one step, would turn that.
+    after = before - contact.least_mass_tangent_kg * slip2;
+    if (const double length = after.norm(); length > cone) after *= length > 0.0 ? cone / length : 0.0;
+  }
   const Vector3d correction =
       contact.tangent[0] * (after.x() - before.x()) + contact.tangent[1] * (after.y() - before.y());
   push(bodies, contact, correction);

@@ -46,6 +46,7 @@ struct SolverContact {
   double inverse_mass_normal_per_kg = 0.0;
   std::array<Eigen::Vector3d, 2> tangent{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   Eigen::Matrix2d mass_tangent_kg = Eigen::Matrix2d::Zero();
+  double least_mass_tangent_kg = 0.0;
   double inertia_torsion_kg_m2 = 0.0;
 };
 

@@ -36,7 +36,7 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
   const LocalSpring spring{tip_W, mapping_.velocity_to_world(input.velocity_m_s), stiffness_n_per_m_ * to_world,
                            damping_n_s_per_m_ * to_world};
   if (input.contacts != nullptr) {
-    world_.foresee(spring, step_s_);
+    world_.foresee(spring, input.sample_time_ns, step_s_);
     world_.take(*input.contacts, input.sample_time_ns);
     if (const auto moved_m = world_.correction_m()) out.correction_m = *moved_m / mapping_.config().position_scale;
   }

@@ -19,13 +19,15 @@ namespace haptic {
 class LocalContact final : public Method {
  public:
   /// @param mapping Must outlive this object.
-  /// @param standing Static bodies whose shape the loop knows. @param other_hands How many the session has besides.
+  /// @param standing Static bodies whose shape the loop knows. @param boxes Those that forces move. @param other_hands
+  /// How many the session has besides.
   LocalContact(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping& mapping,
-               std::vector<rtbus::shapes::StandingShape> standing = {}, std::size_t other_hands = 0)
+               std::vector<rtbus::shapes::StandingShape> standing = {}, KnownBoxes boxes = {},
+               std::size_t other_hands = 0)
       : stiffness_n_per_m_(stiffness_n_per_m),
         damping_n_s_per_m_(damping_n_s_per_m),
         mapping_(mapping),
-        world_(std::move(standing), other_hands) {}
+        world_(std::move(standing), other_hands, {}, std::move(boxes)) {}
 
   [[nodiscard]] std::string_view name() const noexcept override { return "local_contact"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return true; }

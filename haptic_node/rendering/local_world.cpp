@@ -164,7 +164,10 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigi
   for (std::size_t row = 0; row < rigid_rows; ++row) {
     if (answer.body_kind[row] == 0) continue;
     const bool sleeps = count[row] == 0 && row < complete && answer.body_friction_bound_n[row] > 0.0;
-    rows += 1 + (loosest[row] > 0.0 ? 0 : sleeps ? 1 : static_cast<int>(count[row]));
+    const bool corners = boxes_->box_of(answer.body_index[row]) != nullptr;
+    rows += 1 + (loosest[row] > 0.0 ? 0
+                 : sleeps           ? 1
+                                    : static_cast<int>(corners ? FreeBody::kCorners * count[row] : count[row]));
   }
   int parts = 1;
   if (answer.device_time_ns < now_ns) {
@@ -200,6 +203,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
                           {other_hands_, answer, body.index},
                           rows_.data(),
                           tuning_,
+                          *boxes_,
                           world_before_s_,
                           networked_};
   const Impulse then = since.given_at(since.from_ns);
@@ -209,7 +213,8 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     turned = body.become<FixedBody>().take(told, body.motion);
   } else if (answer.body_kind[told.row] == 1) {
     turned = body.become<DrivenBody>().take(told, since, body.motion);
-  } else if (told.loosest_per_kg > 0.0) {
+  } else if (const auto* const pile = body.as<PileBody>();
+             told.loosest_per_kg > 0.0 || (told.supports == 0 && pile != nullptr && pile->held())) {
     turned = body.become<PileBody>().take(told, since, body.known, then.linear_n_s, hand_m_s_.norm(), body.motion);
     body.blend = Blend::of_pile(tuning_, answer.step_s);
   } else {
@@ -248,10 +253,18 @@ void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t r
   }
 }
 
+/// What a tick begins with, be it by foresee() or by advance().
+void LocalWorld::begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
+  if (begun_ns_ == sample_ns) return;
+  begun_ns_ = sample_ns;
+  hand_m_s_ += -std::expm1(-h / tuning_.noise_s) * (spring.goal_velocity_m_s - hand_m_s_);
+  brake(h);
+}
+
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
+  begin_tick(spring, sample_ns, h);
   now_ns_ = sample_ns;
   tick_s_ = h;
-  hand_m_s_ += -std::expm1(-h / tuning_.noise_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   work_j_ = 0.0;
   impulses_.begin(sample_ns - static_cast<std::uint64_t>(h * 1e9), sample_ns);
@@ -263,7 +276,6 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     return;
   }
   contacts_.blend(bodies_, h);
-  brake(h);
   pull_proxy(spring, h);
   if (solve(h) > 0) give_impulses();
   ease(spring, h);
@@ -298,8 +310,9 @@ std::size_t LocalWorld::solve(double h) noexcept {
   return rows;
 }
 
-void LocalWorld::foresee(const LocalSpring& spring, double h) noexcept {
+void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   foreseen_n_s_.reset();
+  begin_tick(spring, sample_ns, h);
   if (lag_of(spring, h) <= 0.0) return;
   const ProxyContactSet contacts = contacts_;
   std::array<YieldingBody, SpringHistory::kPlaces> yielding;
@@ -349,7 +362,7 @@ void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
 /// Without answers everything comes to rest, and so does what the last answer does not name: a body that moves whatever
 /// pushes would take the proxy along for ever.
 void LocalWorld::brake(double h) noexcept {
-  const bool news = now_ns_ <= good_until_ns_;
+  const bool news = begun_ns_ <= good_until_ns_;
   const double slower = std::exp(-h / tuning_.blend_floor_s);
   for (LocalBody& body : bodies_) {
     if (!body.used || (body.named && news)) continue;
@@ -383,7 +396,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   }
   for (LocalBody& body : bodies_) {
     auto* const free = body.as<FreeBody>();
-    if (free != nullptr && body.used) rows += free->add_rows(supports_, h, rows_.data(), rows);
+    if (free != nullptr && body.used) rows += free->add_rows(body.motion, supports_, h, rows_.data(), rows);
   }
   if (!any_yields_) return rows;
   for (LocalBody& body : bodies_) {

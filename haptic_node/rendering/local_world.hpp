@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
@@ -15,6 +16,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/hand_impulses.hpp"
+#include "haptic_node/rendering/known_boxes.hpp"
 #include "haptic_node/rendering/local_body.hpp"
 #include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
@@ -53,9 +55,14 @@ class LocalWorld {
   /// @param standing Static bodies whose shape is known: their contacts follow it in each step, whatever plane an
   /// answer told. They stay as long as this object.
   /// @param other_hands Hands besides this one that may push the same bodies.
+  /// @param boxes Bodies that forces move, whose supports are found in each step.
   explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {}, std::size_t other_hands = 0,
-                      const Tuning& tuning = {})
-      : tuning_(tuning), shapes_(std::move(standing), tuning), contacts_(tuning), other_hands_(other_hands) {}
+                      const Tuning& tuning = {}, KnownBoxes boxes = {})
+      : tuning_(tuning),
+        shapes_(std::move(standing), tuning),
+        boxes_(std::make_shared<const KnownBoxes>(std::move(boxes))),
+        contacts_(tuning),
+        other_hands_(other_hands) {}
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
@@ -65,7 +72,7 @@ class LocalWorld {
 
   /// What the proxy would bear in the step of `h` that comes, without the answer that is about to be taken: advance()
   /// changes the force by no more than Tuning::recovery_m_s allows a surface to change it.
-  void foresee(const LocalSpring& spring, double h) noexcept RTBUS_NONBLOCKING;
+  void foresee(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept RTBUS_NONBLOCKING;
 
   /// An answer has come.
   void take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
@@ -102,6 +109,7 @@ class LocalWorld {
                                              std::uint64_t now_ns) noexcept;
   void take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept;
   void pull_proxy(const LocalSpring& spring, double h) noexcept;
+  void begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept;
   void brake(double h) noexcept;
   [[nodiscard]] std::size_t solve(double h) noexcept;
   void ease(const LocalSpring& spring, double h) noexcept;
@@ -112,6 +120,7 @@ class LocalWorld {
 
   Tuning tuning_;
   StaticShapes shapes_;
+  std::shared_ptr<const KnownBoxes> boxes_;  ///< Bodies point into it, those of a copy too.
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   std::optional<Eigen::Vector3d> foreseen_n_s_;        ///< By foresee(), for the next step.
@@ -124,7 +133,8 @@ class LocalWorld {
   WorldClock clock_;
   bool networked_ = false;       ///< The last answer came over a network.
   double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
-  std::uint64_t now_ns_ = 0;
+  std::uint64_t now_ns_ = 0;     ///< The bodies are there.
+  std::uint64_t begun_ns_ = 0;   ///< This tick has begun.
   std::optional<double> correction_m_;
   double tick_s_ = 1e-3;  ///< Of the last step.
 

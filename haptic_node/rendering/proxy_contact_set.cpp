@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Geometry>
+
 #include "rtbus/eigen.hpp"
 
 namespace haptic {
@@ -11,6 +13,11 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using rtbus::vector_of;
+
+/// A tip of 5 mm goes round an edge so fast at 0.5 m/s.
+constexpr double kFastestTurn_rad_s = 100.0;
+/// Square of the sine of an angle that is none.
+constexpr double kSameDirection = 1e-24;
 
 std::size_t contacts_of(const rtbus::ProxyContacts& answer) noexcept {
   return std::min<std::size_t>(answer.contacts, rtbus::kContactSlots);
@@ -67,6 +74,23 @@ void ProxyContactSet::follow_hull(Contact& contact, Bodies bodies, const LocalPr
   Vector3d point_m;
   if (!shapes.nearest_of_hull(contact.standing, proxy.position_m, point_m, contact.normal)) return;
   contact.from_centre_m = point_m - bodies[contact.body].motion.centre_m;
+}
+
+/// Likewise of a box that forces move. One that falls past the proxy turns the force no faster than the hand follows.
+void ProxyContactSet::follow_box(Contact& contact, Bodies bodies, const LocalProxy& proxy, double h) noexcept {
+  const auto* const free = bodies[contact.body].as<FreeBody>();
+  if (free == nullptr) return;
+  Vector3d normal;
+  if (!free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m, normal)) {
+    return;
+  }
+  const double angle = std::acos(std::clamp(normal.dot(contact.normal), -1.0, 1.0)), most = kFastestTurn_rad_s * h;
+  const Vector3d axis = contact.normal.cross(normal);
+  if (angle <= most || axis.squaredNorm() < kSameDirection) {
+    contact.normal = normal;
+  } else {
+    contact.normal = Eigen::AngleAxisd(most, axis.normalized()) * contact.normal;
+  }
 }
 
 /// The contacts of one surface, anew: where its distance to the proxy has a minimum.
@@ -223,6 +247,10 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
     contact.standing = shapes.index_of(answer.body_index[row]);
     if (contact.standing >= 0) follow_hull(contact, bodies, proxy, shapes);
+    if (const auto* const free = bodies[contact.body].as<FreeBody>()) {
+      (void)free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m,
+                                 contact.normal);
+    }
     const double gap_m = gap_of(contact, bodies, proxy);
     const std::size_t best = match(contact, old_count, matched);
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
@@ -306,6 +334,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact, bodies, proxy);
     if (contact.standing >= 0 && !contact.fades) follow_hull(contact, bodies, proxy, shapes);
+    if (!contact.fades) follow_box(contact, bodies, proxy, h);
     const Vector3d surface = carried_m_s(contact, bodies[contact.body].motion) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;
@@ -324,6 +353,14 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     row.friction = contact.friction;
     row.impulse_n_s = contact.impulse_n_s;
     row_source_[count++] = i;
+  }
+  // Surfaces that face each other with the proxy between do not both come nearer: they would squeeze it.
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = i + 1; j < count; ++j) {
+      const bool between = rows[i].closing_m_s < 0.0 && rows[j].closing_m_s < 0.0 &&
+                           rows[i].normal.dot(rows[j].normal) < -tuning_.same_contact_cosine;
+      if (between) rows[i].closing_m_s = rows[j].closing_m_s = 0.0;
+    }
   }
   return count;
 }

@@ -100,6 +100,7 @@ class ProxyContactSet {
   [[nodiscard]] static double gap_of(const Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept;
   static void roll(Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept;
   static void follow_hull(Contact& contact, Bodies bodies, const LocalProxy& proxy, StaticShapes& shapes) noexcept;
+  static void follow_box(Contact& contact, Bodies bodies, const LocalProxy& proxy, double h) noexcept;
   void follow_surface(std::size_t index, Bodies bodies, const LocalProxy& proxy, double h,
                       const StaticShapes& shapes) noexcept;
   [[nodiscard]] static bool name_surface(const TakenAnswer& taken, std::size_t row, double friction,

@@ -38,7 +38,8 @@ std::unique_ptr<Method> make_virtual_coupling(const MethodContext& context) {
 
 std::unique_ptr<Method> make_local_contact(const MethodContext& context) {
   return std::make_unique<LocalContact>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.mapping,
-                                        context.standing, context.other_hands);
+                                        context.standing, KnownBoxes(context.shapes, context.boxes),
+                                        context.other_hands);
 }
 
 constexpr std::array kMethods{

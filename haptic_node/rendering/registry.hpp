@@ -24,8 +24,9 @@ struct MethodContext {
   bool paper = false;                              ///< `form: paper`.
   double proxy_mass_kg = 0.1;                      ///< In the world, for a method that simulates the proxy itself.
   std::vector<rtbus::shapes::StandingShape> standing{};  ///< Static boxes, hulls and meshes of the scene, in W.
-  std::size_t other_hands = 0;                           ///< Haptic nodes of the session besides this one.
-  Echo echo{};                                           ///< Of a network between the loop and physics.
+  std::vector<std::pair<std::uint32_t, rtbus::shapes::Box>> boxes{};  ///< That forces move, by body.
+  std::size_t other_hands = 0;                                        ///< Haptic nodes of the session besides this one.
+  Echo echo{};                                                        ///< Of a network between the loop and physics.
 };
 
 /// The force that physics computes for a method, if any.

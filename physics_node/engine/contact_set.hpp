@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 namespace physics {
 
@@ -35,7 +36,8 @@ enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2,
 struct BodyBehind {
   std::uint32_t body = 0;  ///< In the scene's order (World::body_pose).
   BodyKind kind = BodyKind::kStatic;
-  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();  ///< Centre of mass.
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();               ///< Centre of mass.
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< q_WB, set by the stepper.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
   double inverse_mass_per_kg = 0.0;                                     ///< 0: no force moves it.

@@ -170,6 +170,15 @@ std::vector<shapes::StandingShape> Scene::standing_shapes() const {
   return out;
 }
 
+std::vector<std::pair<std::uint32_t, shapes::Box>> Scene::free_boxes() const {
+  std::vector<std::pair<std::uint32_t, shapes::Box>> out;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const auto* const box = std::get_if<shapes::Box>(&bodies[i].shape);
+    if (box != nullptr && bodies[i].type == BodyType::kDynamic) out.emplace_back(static_cast<std::uint32_t>(i), *box);
+  }
+  return out;
+}
+
 Scene read_scene(Map& map) {
   (void)map.choice("schema", {"scene/1"});
   Scene scene;

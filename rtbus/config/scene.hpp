@@ -65,6 +65,9 @@ struct Scene {
   /// The boxes, convex hulls and meshes that never move, without hulls of more than Hull::kMost points: what
   /// `local_contact` knows the shape of.
   [[nodiscard]] std::vector<shapes::StandingShape> standing_shapes() const;
+
+  /// The boxes that forces move: which body, and its shape.
+  [[nodiscard]] std::vector<std::pair<std::uint32_t, shapes::Box>> free_boxes() const;
 };
 
 /// Reads a scene from its map and finishes the map. Throws Error.

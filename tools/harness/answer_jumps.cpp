@@ -10,7 +10,8 @@ using rtbus::vector_of;
 
 AnswerJumps::AnswerJumps(const haptic::HapticConfig& config)
     : mapping_(config.mapping),
-      method_(config.stiffness_n_per_m, config.damping_n_s_per_m, mapping_, config.standing),
+      method_(config.stiffness_n_per_m, config.damping_n_s_per_m, mapping_, config.standing,
+              haptic::KnownBoxes(config.shapes, config.boxes)),
       dt_s_(static_cast<double>(config.period_ns()) * 1e-9) {}
 
 double AnswerJumps::see(const rtbus::Telemetry& tick) {
@@ -23,8 +24,9 @@ double AnswerJumps::see(const rtbus::Telemetry& tick) {
   rtbus::ProxyContacts answer;
   if (tick.proxy_sequence != taken_) {
     const std::uint64_t answered_ns = tick.due_ns - tick.proxy_age_ns;
-    while (!under_way_.empty() && under_way_.front().device_time_ns < answered_ns) under_way_.pop_front();
-    if (!under_way_.empty() && under_way_.front().device_time_ns == answered_ns) {
+    // Its contacts belong to that sample, or to a little before (Stepper::contacts()).
+    while (under_way_.size() > 1 && under_way_[1].device_time_ns <= answered_ns) under_way_.pop_front();
+    if (!under_way_.empty() && under_way_.front().device_time_ns <= answered_ns) {
       answer = under_way_.front();
       under_way_.pop_front();
       input.contacts = &answer;

@@ -150,6 +150,8 @@ void Harness::step_physics(std::uint64_t begin_ns) {
     const rtbus::Stamped<rtbus::DeviceState>& device = hand.link.device;
     if (device.sequence == 0) continue;
     if (!hand.killed) {
+      for (const rtbus::DeviceState& state : hand.link.unheard) stepper_->hear(i, state);
+      hand.link.unheard.clear();
       stepper_->set_device(i, device.value, device.sequence);
     } else if (!hand.silent && begin_ns > hand.heard_ns + kDeviceSilent_ns) {
       stepper_->release(i);

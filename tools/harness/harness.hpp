@@ -123,6 +123,7 @@ class Harness {
         if (const auto at_ns = network->out.arrival_ns(now_ns)) network->states.send({states_sent, state}, *at_ns);
         return;
       }
+      if (device.sequence > 0) unheard.push_back(device.value);
       device.value = state;
       ++device.sequence;
     }
@@ -153,6 +154,7 @@ class Harness {
     [[nodiscard]] std::uint64_t refused() const noexcept override { return refused_answers; }
     std::vector<const Link*> other_hands;  ///< As in HapticConfig::other_hands.
     rtbus::Stamped<rtbus::DeviceState> device;
+    std::vector<rtbus::DeviceState> unheard;  ///< Before that one, and after the one that physics took last.
     rtbus::Stamped<rtbus::ProxyState> proxy;
     rtbus::Stamped<rtbus::ProxyContacts> contacts;
     rtbus::Stamped<rtbus::Heartbeat> beat;

@@ -39,28 +39,74 @@ rtbus::DeviceState hand(std::uint64_t sample_ns) {
 }
 
 TEST(PushedBody, GetsTheImpulseOnceAndWhereInTheStepItFell) {
-  for (const double middle : {0.0, 0.3, 0.5, 0.9}) {
+  for (const double at : {0.0, 0.3, 0.5, 0.9}) {
     const auto stepper = cube_in_space();
-    stepper->set_device(0, hand(1'000'000'000), 1);
+    rtbus::DeviceState device = hand(1'000'000'000);
+    stepper->set_device(0, device, 1);
     stepper->step(kStepS);
-    // 0.02 N·s along z at `middle` of the step before the next sample.
-    rtbus::DeviceState pushed = hand(1'050'000'000);
-    pushed.hand_impulse_n_s[0] = {0, 0, 0.02};
-    pushed.hand_impulse_integral_n_s2[0] = {0, 0, 0.02 * kStepS * (1.0 - middle)};
-    stepper->set_device(0, pushed, 2);
+    // 0.02 N·s along z within the millisecond that begins at `at` of the step.
+    const auto tick = static_cast<std::uint64_t>(at * kParts);
+    for (std::uint64_t i = 1; i <= kParts; ++i) {
+      device.sample_time_ns += 1'000'000;
+      if (i == tick + 1) device.hand_impulse_n_s[0] = {0, 0, 0.02};
+      if (i < kParts) stepper->hear(0, device);
+    }
+    stepper->set_device(0, device, 2);
     stepper->step(kStepS);
     const double speed = 0.02 / kMassKg;
-    EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * (1.0 - middle), 1e-6 * speed) << middle;
+    EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * (1.0 - at), 1e-6 * speed) << at;
     EXPECT_NEAR(stepper->answer(0).contact_force_n[2], -0.02 / kStepS, 1e-9);
     const double before_m = stepper->world().body_pose(0).position_m.z();
-    pushed.sample_time_ns += 50'000'000;
-    pushed.hand_impulse_integral_n_s2[0][2] += 0.02 * kStepS;
-    stepper->set_device(0, pushed, 3);
+    device.sample_time_ns += 50'000'000;
+    stepper->set_device(0, device, 3);
     stepper->step(kStepS);
     EXPECT_NEAR(stepper->world().body_pose(0).position_m.z() - before_m, speed * kStepS, 1e-6)
         << "coasts, once is enough";
     EXPECT_EQ(stepper->answer(0).contact_force_n[2], 0.0);
   }
+}
+
+// Of samples that are gone only the sums of those around them are known.
+TEST(PushedBody, GetsEvenlyWhatNobodyToldTheTimeOf) {
+  const auto stepper = cube_in_space();
+  rtbus::DeviceState device = hand(1'000'000'000);
+  stepper->set_device(0, device, 1);
+  stepper->step(kStepS);
+  // Nothing in the first half, 0.02 N·s in the second.
+  device.sample_time_ns += 25'000'000;
+  stepper->hear(0, device);
+  device.sample_time_ns += 25'000'000;
+  device.hand_impulse_n_s[0] = {0, 0, 0.02};
+  stepper->set_device(0, device, 2);
+  stepper->step(kStepS);
+  const double speed = 0.02 / kMassKg;
+  // Each of 25 parts gets its share at its beginning.
+  EXPECT_NEAR(stepper->world().body_pose(0).position_m.z(), speed * kStepS * 0.26, 1e-6 * speed);
+}
+
+// Neither a sample of another epoch, nor one that is older than the newest, nor one without force tells anything.
+TEST(PushedBody, HearsNoSampleThatDoesNotGoOn) {
+  const auto stepper = cube_in_space();
+  rtbus::DeviceState device = hand(1'000'000'000);
+  device.hand_impulse_n_s[0] = {0, 0, 0.01};
+  stepper->hear(0, device);
+  stepper->set_device(0, device, 1);
+  rtbus::DeviceState other = device;
+  other.hand_impulse_n_s[0] = {0, 0, 5.0};
+  stepper->hear(0, other);
+  other.sample_time_ns += 10'000'000;
+  other.mapping_epoch = 2;
+  stepper->hear(0, other);
+  other.mapping_epoch = 1;
+  other.enabled = 0;
+  stepper->hear(0, other);
+  other.enabled = 1;
+  other.hand_impulse_n_s[0] = {0, 0, std::nan("")};
+  stepper->hear(0, other);
+  device.sample_time_ns += 50'000'000;
+  stepper->set_device(0, device, 2);
+  stepper->step(kStepS);
+  EXPECT_NEAR(stepper->world().body_pose(0).position_m.norm(), 0.0, 1e-12);
 }
 
 TEST(PushedBody, TurnsByTheAngularImpulse) {
@@ -70,8 +116,6 @@ TEST(PushedBody, TurnsByTheAngularImpulse) {
   rtbus::DeviceState pushed = hand(1'050'000'000);
   const double inertia = kMassKg * 0.02 * 0.02 / 6.0;
   pushed.hand_impulse_n_s[0] = {0, 0, 1e-4};
-  // As a loop tells an even push of kParts ticks: each counts from its beginning.
-  pushed.hand_impulse_integral_n_s2[0] = {0, 0, (0.5 + 0.5 / kParts) * 1e-4 * kStepS};
   pushed.hand_angular_impulse_n_m_s[0] = {0, inertia * 2.0, 0};  // 2 rad/s
   stepper->set_device(0, pushed, 2);
   stepper->step(kStepS);

@@ -60,7 +60,7 @@ TEST_F(AnswerChange, IsEasedInNoFasterThanASurfaceRises) {
   ASSERT_NEAR(before_n.x(), kStiffness * 4e-3, 1e-6);
 
   LocalWorld at_once = *world;
-  world->foresee(hand(hand_m), kTick_s);
+  world->foresee(hand(hand_m), now_ns + rtbus::kNsPerMs, kTick_s);
   for (LocalWorld* each : {world.get(), &at_once}) each->take(wall(0.9, now_ns), now_ns);
   const std::uint64_t began_ns = now_ns;
   double jump_n = 0.0, largest_n = 0.0;
@@ -84,7 +84,7 @@ TEST_F(AnswerChange, ASmallOneIsAsItWas) {
   world->take(wall(0.0, now_ns), now_ns);
   for (int i = 0; i < 20; ++i) tick(hand_m);
   LocalWorld at_once = *world;
-  world->foresee(hand(hand_m), kTick_s);
+  world->foresee(hand(hand_m), now_ns + rtbus::kNsPerMs, kTick_s);
   for (LocalWorld* each : {world.get(), &at_once}) each->take(wall(0.002, now_ns), now_ns);
   const std::uint64_t began_ns = now_ns;
   for (int i = 0; i < 20; ++i) {
@@ -101,7 +101,7 @@ TEST_F(AnswerChange, IsNotEasedInForEver) {
   world->take(wall(0.0, now_ns), now_ns);
   for (int i = 0; i < 20; ++i) tick(hand_m);
   ASSERT_GT(tick(hand_m).norm(), 5e3);
-  world->foresee(hand(hand_m), kTick_s);
+  world->foresee(hand(hand_m), now_ns + rtbus::kNsPerMs, kTick_s);
   world->take(wall(0.0, now_ns), now_ns);
   const Vector3d away_m(1.0, 0, 0);
   EXPECT_LE(tick(away_m).norm(), kMost_n / kTick_s * kPhysics_s);

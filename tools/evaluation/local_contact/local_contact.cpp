@@ -26,12 +26,15 @@ PanelLine method_line(const std::string& method, const std::string& name) {
   return line;
 }
 
+PanelLine converged_line() { return {"10 kHz, no delay", "lc rgb 'black'", {}, {}, false}; }
+
 void evaluate_local_contact(const LocalContactOptions& options, Experiment& experiment) {
   RunProgress progress(::isatty(STDERR_FILENO) == 1, false);
   claim_free_air(options, experiment);
   claim_sliding(options, experiment);
   claim_wall(options, experiment);
   if (!interrupted()) claim_shapes(options, experiment);
+  if (!interrupted()) claim_free_bodies(options, experiment);
   if (!interrupted()) claim_two_hands(options, experiment);
   if (!interrupted()) claim_block(options, experiment, progress);
   if (!interrupted()) claim_rates(options, experiment, progress);

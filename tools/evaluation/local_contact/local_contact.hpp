@@ -41,6 +41,8 @@ void claim_rough(const LocalContactOptions& options, Experiment& experiment, Run
 void claim_third_law(const LocalContactOptions& options, Experiment& experiment);
 /// h: edges, hulls and meshes are felt where they are.
 void claim_shapes(const LocalContactOptions& options, Experiment& experiment);
+/// j: free bodies turn, tip, roll, slide off a table and stand in stacks under the hand.
+void claim_free_bodies(const LocalContactOptions& options, Experiment& experiment);
 /// i: two hands at one body feel each other.
 void claim_two_hands(const LocalContactOptions& options, Experiment& experiment);
 
@@ -55,5 +57,7 @@ std::filesystem::path write_bumps(const std::filesystem::path& file, int cells);
 
 /// A line of a figure: the name is the method's unless another is given.
 [[nodiscard]] PanelLine method_line(const std::string& method, const std::string& name = {});
+/// The line of the truth: the method itself, both loops at 10 kHz, no latency.
+[[nodiscard]] PanelLine converged_line();
 
 }  // namespace tools

@@ -6,9 +6,9 @@
 
 #include "tools/cli/common/formatted.hpp"
 #include "tools/cli/common/interrupt.hpp"
+#include "tools/evaluation/local_contact/hand_run.hpp"
 #include "tools/evaluation/local_contact/local_contact.hpp"
 #include "tools/evaluation/shared/method_settings.hpp"
-#include "tools/harness/harness.hpp"
 
 namespace tools {
 
@@ -56,71 +56,21 @@ std::vector<ShapeCase> shape_cases(const std::filesystem::path& folder, bool qui
   return out;
 }
 
-struct Stroke {
-  std::vector<double> time_s;
-  std::vector<Eigen::Vector3d> force_n;  ///< On the hand, once a millisecond.
-  double cycle_us = 0.0, cycle_p99_us = 0.0;
-};
-
-Stroke stroke_over(const LocalContactOptions& options, const ShapeCase& each, const std::vector<std::string>& more) {
-  std::vector<rtbus::config::Override> overrides;
-  const auto add = [&](const std::string& text) { overrides.push_back(rtbus::config::parse_override(text)); };
-  add("physics.engine=bullet");
-  add("scene.bodies.0.shape=" + each.shape);
-  add("scene.bodies.0.orientation_wxyz=" + each.orientation);
-  add("haptic.0.coupling={stiffness_n_per_m: 400, damping_n_s_per_m: 0.5}");
-  add(formatted("haptic.0.proxy={mass_kg: 0.1, radius_m: %g, friction: 0}", kTip_m));
-  add(
+HandRun stroke_over(const LocalContactOptions& options, const ShapeCase& each, const std::vector<std::string>& more) {
+  std::vector<std::string> settings{
+      "physics.engine=bullet",
+      "scene.bodies.0.shape=" + each.shape,
+      "scene.bodies.0.orientation_wxyz=" + each.orientation,
+      "haptic.0.coupling={stiffness_n_per_m: 400, damping_n_s_per_m: 0.5}",
+      formatted("haptic.0.proxy={mass_kg: 0.1, radius_m: %g, friction: 0}", kTip_m),
       formatted("haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: push, "
                 "start_m: [%g, 0, 0.002], direction: [1, 0, 0], distance_m: %g, speed_m_s: %g, start_s: %g, "
                 "impedance: firm}}",
-                -kHalfStroke_m, 2.0 * kHalfStroke_m, kStrokeSpeed_m_s, kStrokeStart_s));
-  add(formatted("haptic.0.mapping={offset_m: [0, %g, 0]}", each.hand_y_m));
-  for (const std::string& text : more) add(text);
-  for (const std::string& text : options.assignments) add(text);
-  auto session = rtbus::config::load_session(options.config_folder + "/wall.yaml", overrides);
-  Harness harness(session, {.measure_cost = true});
-  const auto every = static_cast<std::uint64_t>(std::llround(harness.config().rate_hz / 1000.0));
-  Stroke out;
-  harness.run(kStrokeStart_s + 2.0 * kHalfStroke_m / kStrokeSpeed_m_s + 0.5, [&](const rtbus::Telemetry& tick) {
-    if (tick.tick % every != 0) return;
-    out.time_s.push_back(harness.now_s());
-    out.force_n.emplace_back(tick.force_n[0], tick.force_n[1], tick.force_n[2]);
-  });
-  out.cycle_us = 1e-3 * static_cast<double>(harness.cost().cycle_ns.percentile(0.5));
-  out.cycle_p99_us = 1e-3 * static_cast<double>(harness.cost().cycle_ns.percentile(0.99));
-  return out;
-}
-
-struct ShapeError {
-  double rms_n = 0.0, peak_n = 0.0, change_n = 0.0;
-};
-
-/// While either is felt, from when the hand begins to move.
-ShapeError stroke_error(const Stroke& felt, const Stroke& truth) {
-  ShapeError out;
-  double sum = 0.0, count = 0.0;
-  const std::size_t from = static_cast<std::size_t>(1000.0 * kStrokeStart_s);
-  for (std::size_t i = from; i < std::min(felt.force_n.size(), truth.force_n.size()); ++i) {
-    out.change_n = std::max(out.change_n, (felt.force_n[i] - felt.force_n[i - 1]).norm());
-    if (felt.force_n[i].isZero(0.0) && truth.force_n[i].isZero(0.0)) continue;
-    const double error_n = (felt.force_n[i] - truth.force_n[i]).norm();
-    sum += error_n * error_n;
-    count += 1.0;
-    out.peak_n = std::max(out.peak_n, error_n);
-  }
-  out.rms_n = std::sqrt(sum / std::max(count, 1.0));
-  return out;
-}
-
-PanelLine stroke_line(const Stroke& stroke, const char* name, const char* style) {
-  PanelLine out{name, style, {}, {}, false};
-  for (std::size_t i = 0; i < stroke.time_s.size(); ++i) {
-    if (stroke.time_s[i] < kStrokeStart_s) continue;
-    out.x.push_back(stroke.time_s[i]);
-    out.y.push_back(stroke.force_n[i].norm());
-  }
-  return out;
+                -kHalfStroke_m, 2.0 * kHalfStroke_m, kStrokeSpeed_m_s, kStrokeStart_s),
+      formatted("haptic.0.mapping={offset_m: [0, %g, 0]}", each.hand_y_m)};
+  settings.insert(settings.end(), more.begin(), more.end());
+  return run_hand(options, options.config_folder + "/wall.yaml", settings,
+                  kStrokeStart_s + 2.0 * kHalfStroke_m / kStrokeSpeed_m_s + 0.5);
 }
 
 }  // namespace
@@ -151,25 +101,24 @@ void claim_shapes(const LocalContactOptions& options, Experiment& experiment) {
   const LoadMeter meter;
   for (const ShapeCase& each : shape_cases(experiment.folder(), options.quick)) {
     if (interrupted()) break;
-    const Stroke truth = stroke_over(
+    const HandRun truth = stroke_over(
         options, each, {"haptic.0.method=local_contact", "haptic.0.rate_hz=10000", "physics.rate_hz=10000"});
-    double largest_n = 0.0;
-    for (const Eigen::Vector3d& force_n : truth.force_n) largest_n = std::max(largest_n, force_n.norm());
+    const double largest_n = largest_force_n(truth);
     experiment.check_at_least("local-contact.shapes." + each.id + ".presses",
                               each.what + ": largest force of the truth", largest_n, "N", 0.3);
     Panel panel{each.what + ", physics 18 Hz", "time [s]", "force [N]", {}, {}};
-    panel.lines.push_back(stroke_line(truth, "10 kHz, no delay", "lc rgb 'black'"));
+    panel.lines.push_back(hand_line(truth, converged_line(), kStrokeStart_s));
     for (const double physics_hz : {100.0, 43.0, 18.0}) {
       if (options.quick && physics_hz == 43.0) continue;
       for (const char* const method : {kLocalContact, kRemoteCoupling, kLeadingCoupling}) {
         std::vector<std::string> settings = method_settings(method);
         settings.push_back("physics.rate_hz=1000");
         settings.push_back(formatted("physics.throttle_hz=%g", physics_hz));
-        const Stroke felt = stroke_over(options, each, settings);
-        const ShapeError error = stroke_error(felt, truth);
+        const HandRun felt = stroke_over(options, each, settings);
+        const HandError error = hand_error(felt, truth, kStrokeStart_s);
         table.rows.push_back({each.what, physics_hz, std::string(method), error.rms_n, error.peak_n, error.change_n,
                               felt.cycle_us, felt.cycle_p99_us});
-        if (physics_hz == 18.0) panel.lines.push_back(stroke_line(felt, method, method_line(method).style.c_str()));
+        if (physics_hz == 18.0) panel.lines.push_back(hand_line(felt, method_line(method), kStrokeStart_s));
         if (std::string(method) != kLocalContact) continue;
         const std::string id = "local-contact.shapes." + each.id + formatted(".%ghz", physics_hz);
         const std::string what = each.what + formatted(", physics %g Hz: ", physics_hz);

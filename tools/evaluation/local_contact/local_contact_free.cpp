@@ -1,0 +1,124 @@
+/// Claim j of `rtbus evaluate local-contact`: free bodies that turn, tip, roll, slide off a table and stand on each
+/// other.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "tools/cli/common/formatted.hpp"
+#include "tools/cli/common/interrupt.hpp"
+#include "tools/evaluation/local_contact/hand_run.hpp"
+#include "tools/evaluation/local_contact/local_contact.hpp"
+#include "tools/evaluation/shared/method_settings.hpp"
+
+namespace tools {
+
+namespace {
+
+constexpr double kPushStart_s = 1.0, kFreeErrorShare = 0.02;
+constexpr double kPushesAtLeast_n = 0.15;
+
+/// The hand goes straight, at a speed, and stays at the end of its way.
+struct FreeCase {
+  std::string id, what;
+  std::string bodies;  ///< As in a scene file; the second one is watched.
+  std::string start_m, direction;
+  double distance_m, speed_m_s, duration_s;
+  double stiffness_n_per_m = 400.0;
+  double proxy_friction = 0.5;
+  double error_n = 0.02;  ///< More than with physics at 1 kHz without latency.
+};
+
+std::vector<FreeCase> free_cases() {
+  const std::string floor = "{name: floor, type: static, shape: {plane: {}}, friction: 0.5}";
+  return {{"corner", "a block pushed at a corner: it turns",
+           "[" + floor +
+               ", {name: block, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.06, 0.04, 0.04]}}, "
+               "position_m: [0, 0.02, -0.02], friction: 0.6}]",
+           "[0.022, 0.02, 0.012]", "[0, 0, -1]", 0.03, 0.03, 3.0, 400.0, 0.5, 0.03},
+          {"tip", "a tall box tipped over its edge",
+           "[" + floor +
+               ", {name: box, type: dynamic, mass_kg: 0.2, shape: {box: {size_m: [0.04, 0.08, 0.03]}}, "
+               "position_m: [0, 0.04, -0.015], friction: 1.5}]",
+           "[0, 0.07, 0.012]", "[0, 0, -1]", 0.06, 0.03, 4.0},
+          {"table", "a block pushed off a table",
+           "[{name: table, type: static, shape: {box: {size_m: [0.2, 0.1, 0.1]}}, position_m: [0, -0.05, -0.01], "
+           "friction: 0.5}, {name: block, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.04, 0.04, 0.03]}}, "
+           "position_m: [0, 0.02, -0.025], friction: 0.4}]",
+           "[0, 0.02, 0.002]", "[0, 0, -1]", 0.06, 0.03, 3.5},
+          {"ball", "a ball stroked along its top: it rolls",
+           "[" + floor +
+               ", {name: ball, type: dynamic, mass_kg: 0.05, shape: {sphere: {radius_m: 0.012}}, "
+               "position_m: [0.045, 0.012, 0], friction: 0.7}]",
+           "[0.035, 0.0275, 0]", "[1, 0, 0]", 0.03, 0.03, 2.5, 300.0, 1.0},
+          {"stack", "a stack of three, pushed down and along at its top",
+           "[" + floor +
+               ", {name: low, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.04, 0.02, 0.04]}}, "
+               "position_m: [0, 0.01, 0], friction: 0.5}, {name: middle, type: dynamic, mass_kg: 0.1, "
+               "shape: {box: {size_m: [0.04, 0.02, 0.04]}}, position_m: [0, 0.03, 0], friction: 0.5}, "
+               "{name: top, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.04, 0.02, 0.04]}}, "
+               "position_m: [0, 0.05, 0], friction: 0.5}]",
+           "[0, 0.07, 0]", "[0.2, -1, 0]", 0.01, 0.02, 3.0}};
+}
+
+HandRun push(const LocalContactOptions& options, const FreeCase& each, const std::vector<std::string>& more) {
+  std::vector<std::string> settings{
+      "scene={schema: scene/1, gravity_m_s2: [0, -9.81, 0], bodies: " + each.bodies + "}",
+      formatted("haptic.0.coupling={stiffness_n_per_m: %g, damping_n_s_per_m: 0.5}", each.stiffness_n_per_m),
+      formatted("haptic.0.proxy={mass_kg: 0.1, radius_m: 0.005, friction: %g}", each.proxy_friction),
+      "haptic.0.mapping={offset_m: " + each.start_m + "}",
+      formatted("haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: push, "
+                "start_m: [0, 0, 0], direction: %s, distance_m: %g, speed_m_s: %g, start_s: %g, impedance: firm}}",
+                each.direction.c_str(), each.distance_m, each.speed_m_s, kPushStart_s)};
+  settings.insert(settings.end(), more.begin(), more.end());
+  return run_hand(options, options.config_folder + "/free_block.yaml", settings, each.duration_s, 1);
+}
+
+}  // namespace
+
+void claim_free_bodies(const LocalContactOptions& options, Experiment& experiment) {
+  Table table{"local_contact_free_bodies",
+              {"scene", "physics [Hz]", "method", "force RMS [N]", "force peak [N]", "largest change in 1 ms [N]",
+               "body off by [mm]", "and by [deg]"},
+              {}};
+  std::vector<Panel> panels;
+  for (const FreeCase& each : free_cases()) {
+    if (interrupted()) break;
+    const HandRun truth =
+        push(options, each, {"haptic.0.method=local_contact", "haptic.0.rate_hz=10000", "physics.rate_hz=10000"});
+    const double largest_n = largest_force_n(truth);
+    experiment.check_at_least("local-contact.free." + each.id + ".pushes", each.what + ": largest force of the truth",
+                              largest_n, "N", kPushesAtLeast_n);
+    const HandRun prompt = push(options, each, {"haptic.0.method=local_contact", "physics.rate_hz=1000"});
+    const auto add_row = [&](double physics_hz, const std::string& method, const HandRun& felt) {
+      const HandError error = hand_error(felt, truth, kPushStart_s);
+      const double off_mm = 1e3 * (felt.last.position_m - truth.last.position_m).norm();
+      const double off_deg = 180.0 / std::numbers::pi * felt.last.orientation.angularDistance(truth.last.orientation);
+      table.rows.push_back({each.what, physics_hz, method, error.rms_n, error.peak_n, error.change_n, off_mm, off_deg});
+      return error.rms_n;
+    };
+    // What steps of a millisecond of the engine are off by is not the method's.
+    const double prompt_n = add_row(1000.0, std::string(kLocalContact) + ", no latency", prompt);
+    Panel panel{each.what + ", physics 18 Hz", "time [s]", "force [N]", {}, {}};
+    panel.lines.push_back(hand_line(truth, converged_line(), kPushStart_s));
+    for (const double physics_hz : {100.0, 43.0, 18.0}) {
+      if (options.quick && physics_hz == 43.0) continue;
+      for (const char* const method : {kLocalContact, kRemoteCoupling, kLeadingCoupling}) {
+        std::vector<std::string> settings = method_settings(method);
+        settings.push_back("physics.rate_hz=1000");
+        settings.push_back(formatted("physics.throttle_hz=%g", physics_hz));
+        const HandRun felt = push(options, each, settings);
+        const double error_n = add_row(physics_hz, method, felt);
+        if (physics_hz == 18.0) panel.lines.push_back(hand_line(felt, method_line(method), kPushStart_s));
+        if (std::string(method) != kLocalContact) continue;
+        experiment.check_at_most("local-contact.free." + each.id + formatted(".%ghz", physics_hz),
+                                 each.what + formatted(", physics %g Hz: force error, RMS", physics_hz), error_n, "N",
+                                 prompt_n + std::max(each.error_n, kFreeErrorShare * largest_n));
+      }
+    }
+    panels.push_back(std::move(panel));
+  }
+  experiment.add_table(std::move(table));
+  draw_panels(experiment, "local_contact_free_bodies", "A tip of 5 mm pushes free bodies at 20 to 30 mm/s", panels);
+}
+
+}  // namespace tools
