@@ -72,8 +72,8 @@ class Stepper {
   [[nodiscard]] bool wants_contacts(std::size_t proxy) const { return links_.at(proxy).wants_contacts; }
 
   /// Contacts of the proxy within `radius_m`, and the bodies behind them. 0: within contact_radius_m(). Changes
-  /// nothing. Their device_time_ns is the hand's time until which bodies have received what it did: over a network a
-  /// little before that of answer().
+  /// nothing. Their device_time_ns is the hand's time until which bodies have received what it did: that of answer(),
+  /// or a little before.
   void contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out);
 
   /// The same for observers.

@@ -18,7 +18,7 @@ inline constexpr std::size_t kHandSlots = 16;  ///< A session has no more haptic
 /// zero as published; Reader::read_latest_rows() leaves them as they were.
 struct ProxyContacts {
   std::uint64_t device_sequence = 0;  ///< The DeviceState this answers, as in the ProxyState of the same step.
-  std::uint64_t device_time_ns = 0;   ///< Its sample_time_ns.
+  std::uint64_t device_time_ns = 0;   ///< Until then bodies have what the hand did: its sample's time or before.
   std::uint64_t step_index = 0;       ///< Pairs it with its ProxyState.
   double step_s = 0.0;                ///< Simulated time between this and the one before.
   double radius_m = 0.0;              ///< Valid while the proxy is not farther than this from proxy_position_m.
@@ -35,8 +35,8 @@ struct ProxyContacts {
   std::uint32_t hands = 0;  ///< Rows used of hand_time_ns: haptic nodes of the session.
   std::uint32_t reserved = 0;
 
-  /// By haptic node, in the session's order: sample_time_ns of the DeviceState whose hand_impulse_… this step is the
-  /// last to contain. 0: none.
+  /// By haptic node, in the session's order: bodies have received the hand_impulse_… of that hand until then, in the
+  /// time of its samples. 0: none.
   std::array<std::uint64_t, kHandSlots> hand_time_ns{};
 
   std::array<std::uint32_t, kContactSlots> contact_body{};              ///< Row of the body behind.

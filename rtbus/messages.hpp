@@ -68,6 +68,9 @@ struct DeviceState {
       hand_impulse_generation{};  ///< Changes when another body takes the row; its sums start at zero. 0: unused row.
   std::array<Vec3, kHandImpulseRows> hand_impulse_n_s{};            ///< On the body.
   std::array<Vec3, kHandImpulseRows> hand_angular_impulse_n_m_s{};  ///< About its centre of mass.
+  std::array<Vec3, kHandImpulseRows>
+      hand_impulse_integral_n_s2{};  ///< ∫ impulse dt: gives the mean time of the impulse.
+
   double gripper_m = 0.0;     ///< Opening between the fingers of a gripper; 0: closed, or the device has none.
   double answer_age_s = 0.0;  ///< How long before this sample that one was measured which the answer in use belongs to:
                               ///< round trip, waiting and step; 0: no answer yet.
@@ -272,6 +275,7 @@ struct SampleTraits<DeviceState> {
                                       RTBUS_FIELD(T, hand_impulse_generation, "1"),
                                       RTBUS_FIELD(T, hand_impulse_n_s, "N.s"),
                                       RTBUS_FIELD(T, hand_angular_impulse_n_m_s, "N.m.s"),
+                                      RTBUS_FIELD(T, hand_impulse_integral_n_s2, "N.s2"),
                                       RTBUS_FIELD(T, gripper_m, "m"),
                                       RTBUS_FIELD(T, answer_age_s, "s")};
 };
@@ -421,7 +425,7 @@ struct SampleTraits<PlantState> {
                                       RTBUS_FIELD(T, buttons, "bits"),          RTBUS_FIELD(T, timed_out, "bool")};
 };
 
-static_assert(sizeof(DeviceState) == 464 && Sample<DeviceState>);
+static_assert(sizeof(DeviceState) == 560 && Sample<DeviceState>);
 static_assert(sizeof(ProxyState) == 232 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 552 && Sample<NodeInfo>);

@@ -109,7 +109,7 @@ bool SampleTraits<DeviceState>::sane(const T& s, std::uint64_t stamp_ns) noexcep
          within(s.hand_damping_n_s_per_m, kForce_n) && within(s.prediction_periods, kScale) &&
          not_after(s.sample_time_ns, stamp_ns) && s.enabled <= 1 && s.wants <= (kWantsContacts | kOwnsProxy) &&
          within(s.hand_impulse_n_s, kForce_n) && within(s.hand_angular_impulse_n_m_s, kForce_n) &&
-         within(s.gripper_m, kPosition_m) && s.answer_age_s >= 0.0 &&
+         within(s.hand_impulse_integral_n_s2, kForce_n) && within(s.gripper_m, kPosition_m) && s.answer_age_s >= 0.0 &&
          within(s.answer_age_s, kStep_s);
 }
 

@@ -75,7 +75,7 @@ void HandImpulses::open_row(std::size_t place) noexcept {
     }
     if (oldest->generation != 0 && (row.generation == 0 || row.last_step < oldest->last_step)) oldest = &row;
   }
-  *oldest = Row{place, ++generations_, steps_, places_[place].sum};
+  *oldest = Row{place, ++generations_, steps_, places_[place].sum, Vector3d::Zero()};
 }
 
 void HandImpulses::settle(const Vector3d& felt_n_s) noexcept {
@@ -96,6 +96,11 @@ void HandImpulses::settle(const Vector3d& felt_n_s) noexcept {
     places_[entry.place].sum += entry.more;
     places_[entry.place].history.correct(ends_ns_, entry.more);
   }
+  const double step_s = rtbus::seconds_between(began_ns_, ends_ns_);
+  for (Row& row : rows_) {
+    if (row.generation == 0) continue;
+    row.integral_n_s2 += step_s * (places_[row.place].sum - row.before).linear_n_s;
+  }
   ++steps_;
 }
 
@@ -108,6 +113,7 @@ void HandImpulses::tell(rtbus::DeviceState& out) const noexcept {
     out.hand_impulse_generation[i] = row.generation;
     out.hand_impulse_n_s[i] = array_of(sum.linear_n_s);
     out.hand_angular_impulse_n_m_s[i] = array_of(sum.angular_n_m_s);
+    out.hand_impulse_integral_n_s2[i] = array_of(row.integral_n_s2);
   }
 }
 

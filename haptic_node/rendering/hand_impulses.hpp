@@ -75,6 +75,7 @@ class HandImpulses {
     std::uint32_t generation = 0;  ///< 0: the row is free.
     std::uint64_t last_step = 0;   ///< When its body was given something.
     Impulse before;                ///< Sum of the place when the row was opened.
+    Eigen::Vector3d integral_n_s2 = Eigen::Vector3d::Zero();
   };
 
   [[nodiscard]] bool told(std::size_t place) const noexcept;

@@ -45,11 +45,13 @@ struct HandImpulsesTest : testing::Test {
   }
 };
 
-TEST_F(HandImpulsesTest, TellsWhatTheLadderLetThrough) {
+TEST_F(HandImpulsesTest, TellsWhatTheLadderLetThroughAndWhen) {
   for (int i = 0; i < 10; ++i) step(7, {1e-3, 0, 0}, {5e-4, 0, 0}, {0, 0.1, 0});
   EXPECT_NEAR(told_n_s(7).x(), 5e-3, 1e-15);
   const auto row = static_cast<std::size_t>(row_of(7));
   EXPECT_NEAR(told().hand_angular_impulse_n_m_s[row][2], -5e-4, 1e-15) << "arm × impulse";
+  // Sum of 0.5, 1.0, … 5.0 mN·s over 1 ms each.
+  EXPECT_NEAR(told().hand_impulse_integral_n_s2[row][0], 27.5e-6, 1e-15);
 }
 
 TEST_F(HandImpulsesTest, TheReplayReadsWhatIsTold) {

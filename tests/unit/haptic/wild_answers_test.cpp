@@ -16,6 +16,16 @@ using rtbus::ProxyContacts;
 
 constexpr double kStiffness = 500.0, kDepth_m = 0.002, kRadius_m = 0.001, kMost_n = 8.0;
 
+/// What the loop knows: the wall as a plane, and the body as a box.
+haptic::KnownBoxes known() {
+  using rtbus::shapes::Box;
+  using rtbus::shapes::PlacedShape;
+  using rtbus::shapes::Plane;
+  return {{PlacedShape{Plane{}, Eigen::Quaterniond::Identity(), Vector3d(0, -0.01, 0)},
+           PlacedShape{Box{Vector3d(0.03, 0.01, 0.02)}, Eigen::Quaterniond::Identity(), Vector3d(0.05, -0.02, 0)}},
+          {{1, Box{Vector3d(0.01, 0.01, 0.01)}}}};
+}
+
 /// A wall at y = 0, a body of 0.1 kg beside it on the same plane, and what holds it.
 ProxyContacts honest(std::uint64_t sample_ns) {
   ProxyContacts out;
@@ -34,6 +44,8 @@ ProxyContacts honest(std::uint64_t sample_ns) {
   out.contact_gap_m[1] = 0.05;
   out.body_kind[1] = 2;
   out.body_inverse_mass_per_kg[1] = 10.0;
+  out.body_inverse_inertia_per_kg_m2[1] = {1e5, 0, 0, 1e5, 0, 1e5};
+  out.body_orientation_wxyz[1] = {1, 0, 0, 0};
   out.body_external_force_n[1] = {0, -1, 0};
   out.support_body[0] = 1;
   out.support_normal[0] = {0, 1, 0};
@@ -55,6 +67,11 @@ ProxyContacts wild(std::uint64_t sample_ns, std::mt19937_64& random) {
     next.contacts = static_cast<std::uint32_t>(1 + random() % 2);
     if (rtbus::SampleTraits<ProxyContacts>::sane(next, sample_ns)) out = next;
   }
+  if (random() % 2 == 0) {
+    const auto draw = [&random] { return static_cast<double>(random() % 2001) / 1000.0 - 1.0; };
+    const Eigen::Vector4d q = Eigen::Vector4d(draw(), draw(), draw(), draw() + 1e-9).normalized();
+    out.body_orientation_wxyz[1] = {q[0], q[1], q[2], q[3]};
+  }
   // Often where it is looked at.
   if (random() % 2 == 0) out.body_kind[random() % 2] = static_cast<std::uint32_t>(random() % 3);
   return out;
@@ -63,8 +80,8 @@ ProxyContacts wild(std::uint64_t sample_ns, std::mt19937_64& random) {
 TEST(WildAnswers, LeaveNothingInWhatPhysicsIsTold) {
   std::mt19937_64 random(20);
   const haptic::Mapping mapping{haptic::MappingConfig{}};
-  for (int round = 0; round < 300; ++round) {
-    haptic::LocalContact method(kStiffness, 0.5, mapping);
+  for (int round = 0; round < 400; ++round) {
+    haptic::LocalContact method(kStiffness, 0.5, mapping, {}, round % 2 == 0 ? haptic::KnownBoxes{} : known());
     std::uint64_t now_ns = rtbus::kNsPerS;
     Vector3d felt_n = Vector3d::Zero();
     haptic::RenderInput input;

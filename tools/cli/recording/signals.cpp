@@ -49,6 +49,7 @@ constexpr RenamedField kRenamed[] = {
     {"touched_turn", "hand_impulse_generation"},
     {"touched_impulse_n_s", "hand_impulse_n_s"},
     {"touched_angular_n_m_s", "hand_angular_impulse_n_m_s"},
+    {"touched_travel_n_s2", "hand_impulse_integral_n_s2"},
 };
 
 /// The other name of `field` where `sources` have that; else empty.
