@@ -76,7 +76,9 @@ TEST_P(PastSeed, StaysMended) {
     each.height_m = height_m * (1.0 + 0.002 * start);
     rest += judge(each, wanted) ? 1 : 0;
   }
-  if (wanted == "rest") EXPECT_GT(2 * rest, starts) << "of " << starts << " starts";
+  if (wanted == "rest") {
+    EXPECT_GT(2 * rest, starts) << "of " << starts << " starts";
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, PastSeed, testing::ValuesIn(seeds()),
