@@ -176,7 +176,7 @@ bool Recording::Impl::read_topic(const std::string& name) {
     if (!field_type_of(type.id(), field.type)) return false;
     field.count = static_cast<std::uint32_t>(field.type == FieldType::kText ? H5Tget_size(type.id()) : count);
     const std::uint64_t end = field.offset + std::uint64_t{field.count} * field_type_bytes(field.type);
-    if (end > topic.sample_bytes) return false;
+    if (field.count == 0 || end > topic.sample_bytes) return false;
     topic.fields.push_back(std::move(field));
   }
   std::sort(topic.fields.begin(), topic.fields.end(), [](const auto& a, const auto& b) { return a.offset < b.offset; });

@@ -1,6 +1,6 @@
 // Recordings that somebody has made up: sizes, shapes and types that the format allows and a recorder never writes.
-// Found by reading the code for tests/fuzz/recording_fuzz.cpp: each of these wrote beyond a variable or asked for
-// terabytes.
+// Found by reading the code for tests/fuzz/recording_fuzz.cpp, and by that: they wrote beyond a variable, asked for
+// terabytes or copied from nowhere.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -99,6 +99,22 @@ TEST_F(HostileRecording, MoreRowsThanTheFileCanHoldAreDamage) {
 TEST_F(HostileRecording, ASampleOfGigabytesIsDamage) {
   (void)set_attribute(topic_.id(), "sample_bytes", 4'000'000'000ULL);
   EXPECT_FALSE(read());
+}
+
+TEST_F(HostileRecording, AFieldOfNoElementsIsDamage) {
+  (void)set_attribute(topic_.id(), "sample_bytes", 544);
+  {
+    const std::array<hsize_t, 2> size{3, 0};
+    const Handle space(H5Screate_simple(2, size.data(), nullptr), &H5Sclose);
+    const Handle data(
+        H5Dcreate2(topic_.id(), "position_m", H5T_NATIVE_DOUBLE, space.id(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
+        &H5Dclose);
+    ASSERT_TRUE(data);
+    (void)set_attribute(data.id(), "offset", 0);
+  }
+  const auto recording = read();
+  ASSERT_FALSE(recording);
+  EXPECT_NE(recording.error().message.find("haptic0.device_state is damaged"), std::string::npos);
 }
 
 TEST_F(HostileRecording, ConfigurationFilesThatAreNoTextAreLeftOut) {
