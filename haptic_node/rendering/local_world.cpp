@@ -37,11 +37,6 @@ double lag_of(const LocalSpring& spring, double h) noexcept {
   return h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
 }
 
-/// The hand's speed, less its noise, after a step of `steps` times the noise's duration.
-Vector3d followed_m_s(const Vector3d& hand_m_s, const LocalSpring& spring, double steps) noexcept {
-  return hand_m_s - std::expm1(-steps) * (spring.goal_velocity_m_s - hand_m_s);
-}
-
 /// The supports of the farthest bodies may not have found a place. @returns the first row that lacks some.
 std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
   if (answer.supports_overflow == 0 || answer.supports == 0) return rtbus::kContactSlots;
@@ -256,7 +251,7 @@ void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t r
 void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   now_ns_ = sample_ns;
   tick_s_ = h;
-  hand_m_s_ = followed_m_s(hand_m_s_, spring, h / tuning_.noise_s);
+  hand_m_s_ += -std::expm1(-h / tuning_.noise_s) * (spring.goal_velocity_m_s - hand_m_s_);
   impulse_n_s_.setZero();
   work_j_ = 0.0;
   impulses_.begin(sample_ns - static_cast<std::uint64_t>(h * 1e9), sample_ns);
@@ -316,8 +311,6 @@ void LocalWorld::foresee(const LocalSpring& spring, double h) noexcept {
     }
   };
   each_yielding([&](const YieldingBody& body) { yielding[count++] = body; });
-  const Vector3d hand_m_s = hand_m_s_;
-  hand_m_s_ = followed_m_s(hand_m_s_, spring, h / tuning_.noise_s);
   contacts_.blend(bodies_, h);
   pull_proxy(spring, h);
   Vector3d sum_n_s = Vector3d::Zero();
@@ -328,7 +321,6 @@ void LocalWorld::foresee(const LocalSpring& spring, double h) noexcept {
     });
   }
   if (sum_n_s.allFinite()) foreseen_n_s_ = sum_n_s;
-  hand_m_s_ = hand_m_s;
   contacts_ = contacts;
   count = 0;
   each_yielding([&](YieldingBody& body) { body = yielding[count++]; });

@@ -40,8 +40,6 @@ double AnswerJumps::see(const rtbus::Telemetry& tick) {
   const Eigen::Vector3d with_n = method_.render(input).force_n;
   others_ += with_n == vector_of(tick.rendered_force_n) ? 0 : 1;
   method_.felt(vector_of(tick.force_n));
-  const double felt_n = (with_n - felt_n_).norm();
-  felt_n_ = with_n;
   if (follows_ == 0) return 0.0;
   --follows_;
   input.contacts = nullptr;
@@ -50,15 +48,14 @@ double AnswerJumps::see(const rtbus::Telemetry& tick) {
   const Eigen::Vector3d apart_n = with_n - without_n;
   const double change_n = (apart_n - apart_n_).norm();
   apart_n_ = apart_n;
-  if (begins) counts_ = false;
-  if (!counts_ && (!with_n.isZero(0.0) || !without_n.isZero(0.0))) {
-    counts_ = true;
-    changes_n_.push_back(begins ? change_n : 0.0);
-    later_n_.push_back(0.0);
-  }
-  if (begins) return counts_ ? change_n : 0.0;
-  if (counts_) later_n_.back() = std::max(later_n_.back(), std::min(change_n, felt_n));
-  return 0.0;
+  fastest_n_ = std::max(fastest_n_, change_n);
+  if (!begins) return 0.0;
+  if (!with_n.isZero(0.0) || !without_n.isZero(0.0)) changes_n_.push_back(change_n);
+  return change_n;
+}
+
+double AnswerJumps::largest_n() const noexcept {
+  return changes_n_.empty() ? 0.0 : *std::max_element(changes_n_.begin(), changes_n_.end());
 }
 
 }  // namespace tools

@@ -32,11 +32,11 @@ class AnswerJumps {
 
   static constexpr int kFollowed = 10;
 
-  /// Of all answers that were followed while something was touched, with them or without them.
+  /// Of all answers while something was touched with them or without them.
   [[nodiscard]] const std::vector<double>& changes_n() const noexcept { return changes_n_; }
-  /// How fast the two forces part in the ticks after each of them: the largest change of their difference in a tick, as
-  /// far as the force itself changed. What only the world without the answer does, nobody feels.
-  [[nodiscard]] const std::vector<double>& later_n() const noexcept { return later_n_; }
+  [[nodiscard]] double largest_n() const noexcept;
+  /// How fast the two forces part in the ticks that are followed: the largest change of their difference in a tick.
+  [[nodiscard]] double fastest_n() const noexcept { return fastest_n_; }
   /// Ticks in which the loop made another force than this: then the rest means nothing.
   [[nodiscard]] std::size_t others() const noexcept { return others_; }
 
@@ -45,12 +45,12 @@ class AnswerJumps {
   haptic::LocalContact method_;
   std::unique_ptr<haptic::LocalContact> without_;  ///< What an answer would have told.
   int follows_ = 0;                                ///< So many ticks more.
-  bool counts_ = false;                            ///< The answer that is followed is one of changes_n_.
-  Eigen::Vector3d apart_n_ = Eigen::Vector3d::Zero(), felt_n_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d apart_n_ = Eigen::Vector3d::Zero();
+  double fastest_n_ = 0.0;
   double dt_s_;
   std::deque<rtbus::ProxyContacts> under_way_;
   std::uint64_t taken_ = 0;
-  std::vector<double> changes_n_, later_n_;
+  std::vector<double> changes_n_;
   std::size_t others_ = 0;
 };
 
