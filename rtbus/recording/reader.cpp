@@ -97,13 +97,13 @@ std::array<hsize_t, 2> shape(hid_t dataset) {
   return size;
 }
 
-/// The file may well hold so many values.
+/// The file may well hold so many values. Rows of none are no rows: there could be any number of them.
 bool plausible(hid_t dataset, hid_t type) {
   const auto [rows, count] = shape(dataset);
   const std::uint64_t most =
       std::min<std::uint64_t>(H5Dget_storage_size(dataset), 1ULL << 48) * kMostCompression + kNotYetStored;
   const std::uint64_t value = H5Tget_size(type);
-  return value > 0 && count <= most / value && (count == 0 || rows <= most / (value * count));
+  return value > 0 && count > 0 && count <= most / value && rows <= most / (value * count);
 }
 
 /// Reads rows [first, first + rows) and elements [element, element + count) as `memory_type`.
@@ -176,7 +176,7 @@ bool Recording::Impl::read_topic(const std::string& name) {
     if (!field_type_of(type.id(), field.type)) return false;
     field.count = static_cast<std::uint32_t>(field.type == FieldType::kText ? H5Tget_size(type.id()) : count);
     const std::uint64_t end = field.offset + std::uint64_t{field.count} * field_type_bytes(field.type);
-    if (field.count == 0 || end > topic.sample_bytes) return false;
+    if (end > topic.sample_bytes) return false;
     topic.fields.push_back(std::move(field));
   }
   std::sort(topic.fields.begin(), topic.fields.end(), [](const auto& a, const auto& b) { return a.offset < b.offset; });
