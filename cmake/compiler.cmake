@@ -1,6 +1,9 @@
 # What our own targets are compiled with, and nothing that links the installed library.
 # No fused multiply-add behind our back: runs of one scene stay bit-identical across optimisation levels.
 add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -ffp-contract=off -fno-math-errno)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")
+  add_compile_options(-U__ARM_FEATURE_FMA)  # else Eigen writes fused multiply-add itself, which x86-64 has not by default
+endif()
 if(RTBUS_WERROR)
   add_compile_options(-Werror)
   if(CMAKE_CROSSCOMPILING)

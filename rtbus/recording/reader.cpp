@@ -97,13 +97,13 @@ std::array<hsize_t, 2> shape(hid_t dataset) {
   return size;
 }
 
-/// The file may well hold so many values.
+/// The file may well hold so many values. Rows of none are no rows: there could be any number of them.
 bool plausible(hid_t dataset, hid_t type) {
   const auto [rows, count] = shape(dataset);
   const std::uint64_t most =
       std::min<std::uint64_t>(H5Dget_storage_size(dataset), 1ULL << 48) * kMostCompression + kNotYetStored;
   const std::uint64_t value = H5Tget_size(type);
-  return value > 0 && count <= most / value && (count == 0 || rows <= most / (value * count));
+  return value > 0 && count > 0 && count <= most / value && rows <= most / (value * count);
 }
 
 /// Reads rows [first, first + rows) and elements [element, element + count) as `memory_type`.

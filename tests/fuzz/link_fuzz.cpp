@@ -100,7 +100,7 @@ void clocks(Input body) {
       require(std::isfinite(estimate->offset_s) && estimate->error_s >= 0.0 && estimate->round_trip_s >= 0.0);
     }
     echoes.remember(here_ns, {theirs_ns, theirs_ns});
-    require(echoes.find(here_ns).has_value());
+    require(echoes.find(here_ns).has_value() == (here_ns != 0));
     (void)newest.takes(take_number(body) % 3, theirs_ns);
   }
 }

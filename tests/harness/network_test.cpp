@@ -270,9 +270,11 @@ TEST(Network, ALightBoxStaysOnItsSupport) {
 #endif
 }
 
-/// Peak to peak of the proxy's height in the world, for 4 s in which the loop stands still: no network, no method.
-double rattle_m(std::uint64_t seed, int sweeps) {
+/// Peak to peak of the proxy's height in the world, for 4 s in which the loop stands still: no network, no method. Each
+/// start has a stiffer coupling than the one before, by a millionth.
+double rattle_m(std::uint64_t seed, int start, int sweeps) {
   tools::StabilityCase each = tools::draw_network_case(seed);
+  each.stiffness_n_per_m *= 1.0 + 1e-6 * start;
   each.solver_iterations = sweeps;
   std::vector<rtbus::config::Override> overrides;
   for (const std::string& text : assignments_of(each)) overrides.push_back(rtbus::config::parse_override(text));
@@ -292,13 +294,20 @@ double rattle_m(std::uint64_t seed, int sweeps) {
 }
 
 // Why the envelope asks for more sweeps of Bullet than that of `evaluate stability`: with those a stack of boxes of a
-// gram under a newton does not rest in itself, whoever looks at it (decision 0021).
+// gram under a newton does not rest in itself, whoever looks at it (decision 0021). Which starts of a stack rattle is
+// decided by last bits, which differ between processors. That one rattles is shown by one; that it is calm, by each.
 TEST(Network, AStackThatRattlesByItselfIsNoMatterOfTheNetwork) {
   if (!RTBUS_WITH_BULLET) GTEST_SKIP() << "without Bullet";
+  constexpr int kStarts = 24;
   for (const std::uint64_t seed : {1746u, 4341u}) {
     const double stiffness = tools::draw_network_case(seed).stiffness_n_per_m;
-    EXPECT_GT(stiffness * rattle_m(seed, tools::StabilityEnvelope::kIterations), tools::kSwingBarN) << seed;
-    EXPECT_LT(stiffness * rattle_m(seed, tools::NetworkEnvelope::kIterations), 0.5 * tools::kSwingBarN) << seed;
+    double most_n = 0.0;
+    for (int start = 0; start < kStarts && most_n <= tools::kSwingBarN; ++start) {
+      most_n = std::max(most_n, stiffness * rattle_m(seed, start, tools::StabilityEnvelope::kIterations));
+      EXPECT_LT(stiffness * rattle_m(seed, start, tools::NetworkEnvelope::kIterations), 0.5 * tools::kSwingBarN)
+          << seed << ", start " << start;
+    }
+    EXPECT_GT(most_n, tools::kSwingBarN) << seed << ", none of its starts";
     expect_calm(seed);
   }
 }

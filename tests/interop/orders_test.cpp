@@ -90,6 +90,8 @@ class Ordered : public Nodes {
 
 TEST_F(Ordered, EstopIsZeroWithin100MsHeldOverARestartAndEndsWhenRearmed) {
   start();
+  auto orders = reader<rtbus::Orders>("haptic0.orders");
+  ASSERT_TRUE(orders);
   const std::uint64_t ordered_ns = rtbus::monotonic_ns();
   ASSERT_EQ(rtbus({"estop", "--reason", "test"}), 0) << said();
   std::uint64_t zero_ns = 0;
@@ -97,9 +99,14 @@ TEST_F(Ordered, EstopIsZeroWithin100MsHeldOverARestartAndEndsWhenRearmed) {
     zero_ns = tick.stamp_ns;
     return tick.stamp_ns > ordered_ns && norm(tick.value.force_n) == 0.0;
   }));
-  // The promise is 100 ms from the order; starting the command comes on top here.
-  std::printf("zero %.1f ms after the command was started\n", static_cast<double>(zero_ns - ordered_ns) * 1e-6);
-  EXPECT_LE(zero_ns - ordered_ns, 250 * rtbus::kNsPerMs);
+  Stamped<rtbus::Orders> order;
+  while (order.value.estop == 0) ASSERT_EQ(orders->read_next(order), ReadStatus::kFresh);
+  // The promise is 100 ms from the order; how long a busy machine takes to start the command is its own affair.
+  std::printf("zero %.1f ms after the command was started, %.1f ms after its order\n",
+              static_cast<double>(zero_ns - ordered_ns) * 1e-6,
+              (static_cast<double>(zero_ns) - static_cast<double>(order.stamp_ns)) * 1e-6);
+  ASSERT_GE(zero_ns, order.stamp_ns);
+  EXPECT_LE(zero_ns - order.stamp_ns, 100 * rtbus::kNsPerMs);
   EXPECT_EQ(peak_n(0.5), 0.0);
   // A node that is started again obeys what was ordered before.
   ASSERT_NO_FATAL_FAILURE(crash_haptic());

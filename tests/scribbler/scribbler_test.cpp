@@ -32,7 +32,7 @@ using rtbus::Stamped;
 
 constexpr double kRecovery_s = 5.0;
 constexpr double kSameForce = 0.02;
-constexpr double kLeastWritesPerS = 1e4;
+constexpr double kLeastWritesPerS = 1e4;  ///< Of damage_s().
 /// The supervisor keeps what its report draws: some 20 MiB after a minute of 1 kHz.
 constexpr std::size_t kMostGrowth_bytes = 64u << 20;
 
@@ -240,11 +240,13 @@ TEST_P(ScribbledSession, SurvivesRandomWrites) {
     };
     Scribbler scribbler(session_.name, chooses, seed++);
     rtbus::sleep_until(rtbus::monotonic_ns() + static_cast<std::uint64_t>(damage_s() * 1e9));
+    // A busy machine writes less often: it goes on until as much is damaged as on a quiet one.
+    const auto least = static_cast<std::uint64_t>(kLeastWritesPerS * damage_s());
+    EXPECT_TRUE(eventually(20.0 * damage_s(), [&] { return scribbler.live_writes() >= least; })) << victim.name;
     scribbler.stop();
     std::printf("%s: %llu writes into %zu live segments, %.0f a second\n", victim.name,
                 static_cast<unsigned long long>(scribbler.live_writes()), scribbler.segments(),
                 scribbler.live_writes_per_s());
-    EXPECT_GE(scribbler.live_writes_per_s(), kLeastWritesPerS) << victim.name;
     ASSERT_NO_FATAL_FAILURE(expect_all_well(victim.name));
     ASSERT_NO_FATAL_FAILURE(expect_the_force_of_before(victim.name));
     if (HasFailure()) break;

@@ -150,18 +150,17 @@ std::optional<ClockOffset::Estimate> ClockOffset::estimate(std::uint64_t now_ns)
 
 std::uint64_t TimeShift::here(std::uint64_t theirs_ns, std::uint64_t now_ns) noexcept {
   const auto shift_ns = static_cast<std::int64_t>(now_ns - theirs_ns);  // wraps around to the right signed number
-  if (!known_) {
-    known_ = true;
-    shift_ns_ = shift_ns;
-  } else {
+  std::uint64_t late_ns = 0;                                            // more than the fastest packet was
+  if (known_ && shift_ns > shift_ns_) {
+    late_ns = static_cast<std::uint64_t>(shift_ns) - static_cast<std::uint64_t>(shift_ns_);
     // Clocks drift: the fastest packet counts less from second to second.
-    if (now_ns > at_ns_) {
-      shift_ns_ += static_cast<std::int64_t>(ClockOffset::kDrift * static_cast<double>(now_ns - at_ns_));
-    }
-    shift_ns_ = std::min(shift_ns_, shift_ns);
+    const double drift_ns = now_ns > at_ns_ ? ClockOffset::kDrift * static_cast<double>(now_ns - at_ns_) : 0.0;
+    late_ns -= std::min(late_ns, static_cast<std::uint64_t>(drift_ns));
   }
+  known_ = true;
+  shift_ns_ = static_cast<std::int64_t>(static_cast<std::uint64_t>(shift_ns) - late_ns);
   at_ns_ = now_ns;
-  return theirs_ns + static_cast<std::uint64_t>(shift_ns_);
+  return now_ns - std::min(now_ns, late_ns);
 }
 
 void Echoes::remember(std::uint64_t here_ns, const Echo& echo) noexcept {

@@ -110,7 +110,8 @@ class ClockOffset {
 /// so all times are at most now and their differences are kept. One thread.
 class TimeShift {
  public:
-  /// @param theirs_ns When something happened, by their clock. @returns by ours, never later than now_ns.
+  /// @param theirs_ns When something happened, by their clock. @returns by ours, never later than now_ns; 0: before our
+  /// clock began, which no honest time is.
   [[nodiscard]] std::uint64_t here(std::uint64_t theirs_ns, std::uint64_t now_ns) noexcept;
   void begin_anew() noexcept { known_ = false; }
 

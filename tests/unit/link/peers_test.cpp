@@ -161,6 +161,19 @@ TEST(LinkClock, TimesOfAnotherMachineAreNeverInTheFutureAndKeepTheirDistances) {
   }
 }
 
+// What a peer says of its clock may be anything. It was later than now, by centuries.
+TEST(LinkClock, NoTimeOfAPeerIsLaterThanNow) {
+  const std::uint64_t now_ns = 1000 * kS, far_ns = std::uint64_t{1} << 62;
+  for (const std::uint64_t first_ns : {std::uint64_t{0}, now_ns, far_ns, 2 * far_ns + now_ns, ~std::uint64_t{0}}) {
+    for (const std::uint64_t then_ns : {std::uint64_t{0}, now_ns, far_ns, 2 * far_ns + now_ns, ~std::uint64_t{0}}) {
+      TimeShift shift;
+      EXPECT_EQ(shift.here(first_ns, now_ns), now_ns) << first_ns;
+      EXPECT_LE(shift.here(then_ns, now_ns + kS), now_ns + kS) << first_ns << ", " << then_ns;
+      EXPECT_LE(shift.here(first_ns, far_ns), far_ns) << first_ns << ", " << then_ns << ", and a drift of centuries";
+    }
+  }
+}
+
 TEST(LinkClock, EchoesAreThoseOfTheHand) {
   Echoes echoes;
   EXPECT_FALSE(echoes.find(5));

@@ -1,6 +1,6 @@
 // Recordings that somebody has made up: sizes, shapes and types that the format allows and a recorder never writes.
-// Found by reading the code for tests/fuzz/recording_fuzz.cpp: each of these wrote beyond a variable or asked for
-// terabytes.
+// Found by reading the code for tests/fuzz/recording_fuzz.cpp, and by that: they wrote beyond a variable, asked for
+// terabytes or copied from nowhere.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -43,6 +43,14 @@ class HostileRecording : public testing::Test {
     const std::array<hsize_t, 1> chunk{16};
     (void)H5Pset_chunk(settings.id(), 1, chunk.data());
     return {H5Dcreate2(at, name, type, space.id(), H5P_DEFAULT, settings.id(), H5P_DEFAULT), &H5Dclose};
+  }
+  void add_rows_of_nothing(const char* name, hsize_t count) {
+    const std::array<hsize_t, 2> size{count, 0};
+    const Handle space(H5Screate_simple(2, size.data(), nullptr), &H5Sclose);
+    const Handle data(
+        H5Dcreate2(topic_.id(), name, H5T_NATIVE_UINT64, space.id(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), &H5Dclose);
+    ASSERT_TRUE(data);
+    (void)set_attribute(data.id(), "offset", 0);
   }
   auto read() {
     topic_ = {};
@@ -98,6 +106,18 @@ TEST_F(HostileRecording, MoreRowsThanTheFileCanHoldAreDamage) {
 
 TEST_F(HostileRecording, ASampleOfGigabytesIsDamage) {
   (void)set_attribute(topic_.id(), "sample_bytes", 4'000'000'000ULL);
+  EXPECT_FALSE(read());
+}
+
+TEST_F(HostileRecording, AFieldOfNoElementsIsDamage) {
+  (void)set_attribute(topic_.id(), "sample_bytes", 544);
+  add_rows_of_nothing("position_m", 3);
+  EXPECT_FALSE(read());
+}
+
+TEST_F(HostileRecording, ManyRowsOfNoElementsAreDamage) {
+  (void)set_attribute(topic_.id(), "sample_bytes", 544);
+  add_rows_of_nothing("stamp_ns", hsize_t{1} << 62);
   EXPECT_FALSE(read());
 }
 
