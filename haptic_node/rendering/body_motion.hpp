@@ -77,6 +77,7 @@ struct SinceAnswer {
   const KnownBoxes& boxes;
   double besides_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
   bool networked = false;  ///< The answer has come over a network, and is old.
+  double proxy_kg = 0.0;   ///< Mass of the proxy in a tick: h(hK + B).
 
   /// For which the world moves on.
   [[nodiscard]] double seconds() const noexcept {

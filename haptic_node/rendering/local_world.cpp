@@ -205,7 +205,8 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
                           tuning_,
                           *boxes_,
                           world_before_s_,
-                          networked_};
+                          networked_,
+                          proxy_kg_};
   const Impulse then = since.given_at(since.from_ns);
   body.blend = Blend::of(tuning_, answer.step_s);
   Quaterniond turned = Quaterniond::Identity();
@@ -297,7 +298,8 @@ void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   proxy.velocity_m_s = (spring.stiffness_n_per_m * (spring.goal_m - proxy_.position_m) +
                         spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
                        lag;
-  proxy.inverse_mass_per_kg = 1.0 / (h * lag);
+  proxy_kg_ = h * lag;
+  proxy.inverse_mass_per_kg = 1.0 / proxy_kg_;
 }
 
 /// @returns rows.
