@@ -30,7 +30,7 @@ constexpr double kOut = 0.2, kOut_m_s = 0.05;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
-/// not come to rest: of 24 961 cases in the stability envelope 8 did, with 1 to 9 of them.
+/// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less.
 constexpr double kHeavy = 20.0;
 /// As old as an answer is without a network.
 constexpr double kGivesWay_s = 10e-3;

@@ -203,7 +203,7 @@ void Harness::publish(Hand& hand, const rtbus::Stamped<rtbus::ProxyState>& answe
     if (!at_ns) return;
     Link::Datagram datagram{beat(), answer, std::nullopt};
     if (contacts != nullptr) datagram.contacts = *contacts;
-    network->answers.send(std::move(datagram), *at_ns);
+    network->answers.send(datagram, *at_ns);
     return;
   }
   const auto judge = [&](const auto& sample, auto& under_way) {
