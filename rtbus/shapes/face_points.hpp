@@ -22,7 +22,9 @@ struct FacePoints {
 
 /// The face of `held` that looks at the holder, cut off at the edges of the holder's face. Of more than four corners
 /// the four that are farthest apart along the diagonals of the holder's face.
-/// @param held A box. @param toward Unit, from the holder towards the box: picks the face of the holder.
+/// @param held A box. @param q_WB Its orientation. @param p_WB Its centre, in W.
+/// @param holder What it lies on: a plane or a box. @param out Set; its count is 0 where that is not so.
+/// @param toward Unit, from the holder towards the box: picks the face of the holder.
 /// @returns false where the holder has no face within 18 degrees of that direction. @realtime Yes.
 [[nodiscard]] bool face_points(const Box& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB,
                                const PlacedShape& holder, const Eigen::Vector3d& toward, FacePoints& out) noexcept;
