@@ -97,7 +97,7 @@ class ScribbledSession : public testing::TestWithParam<const char*> {
   /// A hand that pushes 5 mm into the wall and stays. Without dry friction there is one force at rest; with the model's
   /// own 0.06 N, the tip may rest anywhere within it, also without damage.
   [[nodiscard]] std::string device_file() const {
-    const std::string file = (folder_ / "device.yaml").string();
+    std::string file = (folder_ / "device.yaml").string();
     std::ofstream(file) << "schema: device/1\ndriver: simulated\nmodel: phantom_desktop\n"
                         << (std::string(GetParam()) == "wall_own_plant.yaml" ? "process: own\n" : "")
                         << "mechanics: {coulomb_n: 0}\n"
