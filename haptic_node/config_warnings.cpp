@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
+#include "rtbus/config/closed_surface.hpp"
 #include "rtbus/config/overlap.hpp"
 #include "rtbus/eigen.hpp"
 #include "rtbus/three_digits.hpp"
@@ -66,14 +68,17 @@ void check_start(const HapticConfig& config, const rtbus::config::Scene& scene, 
   const std::optional<drivers::Vec3> start = config.device->start_position_m();
   if (!start) return;
   const Vector3d tip_W = Mapping(config.mapping).position_to_world(rtbus::vector_of(*start));
-  const auto warn = [&](const auto& body) {
+  const auto warn = [&](const auto& body, const char* what = "the contact pushes it out") {
     out.push_back(body.source + " (" + body.name + ") holds the tip of " + config.name + " at the start, " +
-                  point(tip_W) + ": the contact pushes it out; move the body, mapping.offset_m or the device's start");
+                  point(tip_W) + ": " + what + "; move the body, mapping.offset_m or the device's start");
   };
   constexpr double kDepth_m = 1e-6;
   const auto rigid = std::find_if(scene.bodies.begin(), scene.bodies.end(),
                                   [&](const auto& body) { return is_inside(body, tip_W, kDepth_m); });
-  if (rigid != scene.bodies.end()) return warn(*rigid);
+  if (rigid != scene.bodies.end()) {
+    const bool mesh = std::holds_alternative<rtbus::config::Mesh>(rigid->shape);
+    return mesh ? warn(*rigid, "a mesh has no inside, and keeps it there") : warn(*rigid);
+  }
   const auto soft = std::find_if(scene.soft_bodies.begin(), scene.soft_bodies.end(),
                                  [&](const auto& body) { return is_inside(body, tip_W); });
   if (soft != scene.soft_bodies.end()) warn(*soft);
@@ -103,6 +108,11 @@ void check_bodies(const rtbus::config::Scene& scene, const Reach& reach, std::ve
     source = &body.source;
     const auto* mesh = mesh_of(body);
     if (mesh != nullptr && check_unit(*mesh, body.source, body.name, reach, out)) continue;
+    if (const auto* surface = std::get_if<rtbus::config::Mesh>(&body.shape)) {
+      for (std::string& fault : surface_faults(*surface->surface)) {
+        out.push_back(body.source + " (" + body.name + "): " + std::move(fault));
+      }
+    }
     if (body.type != rtbus::config::BodyType::kDynamic) continue;
     if (reach.crossing_s(body.mass_kg) > kMoves_s) {
       out.push_back(body.source + " (" + body.name + "): mass_kg = " + three_digits(body.mass_kg) + " " +

@@ -17,22 +17,14 @@
 
 namespace rtbus::config {
 
-/// Axis along y of the body's frame, origin in the middle.
-struct Capsule {
-  double radius_m = 0.0;
-  double length_m = 0.0;  ///< From end to end, caps included; above 2·radius_m.
-};
-
-/// Axis along y of the body's frame, origin in the middle.
-struct Cylinder {
-  double radius_m = 0.0;
-  double length_m = 0.0;
-};
+using shapes::Capsule;
+using shapes::Cylinder;
 
 /// What an OBJ file holds, polygons cut into triangles, lengths already in metres.
 struct TriangleMesh {
   std::vector<Eigen::Vector3d> vertices_m;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< Indices into vertices_m, counter-clockwise from outside.
+  std::vector<std::uint32_t> lines;                     ///< Of the file, one for each triangle; none of a made mesh.
   std::string file;
   bool unit_assumed = false;  ///< Of a file without `metres_per_unit`: its numbers were taken as metres.
 

@@ -6,8 +6,11 @@
 #include <cstdint>
 #include <map>
 #include <numbers>
+#include <tuple>
 #include <utility>
 #include <vector>
+
+#include "rtbus/shapes/surface.hpp"
 
 namespace rtbus::config {
 namespace {
@@ -149,6 +152,50 @@ std::string closed_fault(const TriangleMesh& mesh) {
   }
   if (enclosed_volume_m3(mesh) <= 0.0) return "its faces look inwards (clockwise from outside)";
   return {};
+}
+
+std::vector<std::string> surface_faults(const TriangleMesh& mesh) {
+  const auto count_of = [](std::size_t count, const char* one, const char* many) {
+    return count == 1 ? one : std::to_string(count) + many;
+  };
+  const auto at_line = [&mesh](std::size_t triangle) {
+    return mesh.file + (triangle < mesh.lines.size() ? ":" + std::to_string(mesh.lines[triangle]) : "");
+  };
+  struct Side {
+    std::uint32_t low, high, triangle;
+    bool operator<(const Side& o) const { return std::tie(low, high, triangle) < std::tie(o.low, o.high, o.triangle); }
+  };
+  const std::vector<std::uint32_t> same = shapes::joined(mesh.vertices_m);
+  std::vector<Side> sides;
+  sides.reserve(3 * mesh.triangles.size());
+  std::size_t flat = 0, first_flat = 0;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Triangle& t = mesh.triangles[i];
+    if (!shapes::has_area(mesh.vertices_m[t[0]], mesh.vertices_m[t[1]], mesh.vertices_m[t[2]])) {
+      if (flat++ == 0) first_flat = i;
+      continue;
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto [low, high] = std::minmax(same[t[k]], same[t[(k + 1) % 3]]);
+      sides.push_back({low, high, static_cast<std::uint32_t>(i)});
+    }
+  }
+  std::sort(sides.begin(), sides.end());
+  std::size_t crowded = 0, first_crowded = mesh.triangles.size();
+  for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
+    while (end < sides.size() && sides[end].low == sides[begin].low && sides[end].high == sides[begin].high) ++end;
+    if (end - begin <= 2) continue;
+    ++crowded;
+    first_crowded = std::min<std::size_t>(first_crowded, sides[begin + 2].triangle);
+  }
+  std::vector<std::string> out;
+  if (flat > 0)
+    out.push_back(at_line(first_flat) + ": " + count_of(flat, "a face", " faces") + " without area left out");
+  if (crowded > 0) {
+    out.push_back(at_line(first_crowded) + ": " + count_of(crowded, "an edge", " edges") +
+                  " of more than two faces; each face is felt");
+  }
+  return out;
 }
 
 double enclosed_volume_m3(const TriangleMesh& mesh) {

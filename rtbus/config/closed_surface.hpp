@@ -34,6 +34,10 @@ namespace rtbus::config {
 /// faces that look inwards. Empty: nothing does.
 [[nodiscard]] std::string closed_fault(const TriangleMesh& mesh);
 
+/// What a file's mesh has that a surface has not, each with file and line: a face without area, which is left out, and
+/// an edge of more than two faces, which are all felt. Empty: nothing.
+[[nodiscard]] std::vector<std::string> surface_faults(const TriangleMesh& mesh);
+
 /// By the divergence theorem; meaningful for a closed mesh, negative when its faces look inwards [m³].
 [[nodiscard]] double enclosed_volume_m3(const TriangleMesh& mesh);
 

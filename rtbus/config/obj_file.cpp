@@ -74,6 +74,7 @@ class ObjReader {
       }
       if (mesh_.triangles.size() == kMaxTriangles) fail("more than 2000000 triangles");
       mesh_.triangles.push_back({corners[0], corners[1], corner});
+      mesh_.lines.push_back(static_cast<std::uint32_t>(number_));
       corners[1] = corner;
     }
     if (count < 3) fail("a face needs three corners or more");

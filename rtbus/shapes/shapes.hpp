@@ -1,7 +1,8 @@
 #pragma once
 /// @file shapes.hpp
-/// Analytic shapes: exact distance and normal of plane, sphere and box. A leaf that both nodes use (the `direct` force
-/// method and the analytic engine); depends on Eigen alone. Each shape stands in the frame of its body.
+/// Analytic shapes: exact distance and normal of plane, sphere, box, capsule and cylinder. A leaf that both nodes use
+/// (the `direct` force method and the analytic engine); depends on Eigen alone. Each shape stands in the frame of its
+/// body.
 #include <variant>
 
 #include <Eigen/Core>
@@ -21,6 +22,17 @@ struct Box {
 };
 using Shape = std::variant<Plane, Sphere, Box>;
 
+/// Axis along y of the body's frame, origin in the middle.
+struct Capsule {
+  double radius_m = 0.0;
+  double length_m = 0.0;  ///< From end to end, caps included; above 2·radius_m.
+};
+/// Axis along y of the body's frame, origin in the middle.
+struct Cylinder {
+  double radius_m = 0.0;
+  double length_m = 0.0;
+};
+
 /// Nearest point of a surface.
 struct SurfacePoint {
   double distance_m = 0.0;                            ///< Negative inside.
@@ -31,6 +43,11 @@ struct SurfacePoint {
 /// Signed distance of `p` to `shape`, both in the body's frame. At a sphere's centre the normal is +y; inside a box it
 /// is that of the nearest face (the lower axis index wins a tie). @realtime Yes.
 [[nodiscard]] SurfacePoint nearest_surface(const Shape& shape, const Eigen::Vector3d& p) noexcept;
+[[nodiscard]] SurfacePoint nearest_surface(const Box& box, const Eigen::Vector3d& p) noexcept;
+/// On the axis the normal is +x. @realtime Yes.
+[[nodiscard]] SurfacePoint nearest_surface(const Capsule& capsule, const Eigen::Vector3d& p) noexcept;
+/// Inside: the nearer of side and cap, the side where they are equal. @realtime Yes.
+[[nodiscard]] SurfacePoint nearest_surface(const Cylinder& cylinder, const Eigen::Vector3d& p) noexcept;
 
 /// A shape somewhere: X_WB as rotation and translation.
 struct PlacedShape {

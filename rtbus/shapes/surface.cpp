@@ -25,8 +25,14 @@ Vector3f rounded_up(const Vector3d& v) {
       [](double x) { return std::nextafter(static_cast<float>(x), std::numeric_limits<float>::infinity()); });
 }
 
-/// Of each vertex the number that stands for all at the same place.
-std::vector<std::uint32_t> merged(const std::vector<Vector3d>& vertices_m) {
+}  // namespace
+
+bool has_area(const Vector3d& a, const Vector3d& b, const Vector3d& c) noexcept {
+  const double longest_m = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+  return (b - a).cross(c - a).norm() > kRounding * longest_m * longest_m;
+}
+
+std::vector<std::uint32_t> joined(const std::vector<Vector3d>& vertices_m) {
   std::vector<std::uint32_t> order(vertices_m.size()), out(vertices_m.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::uint32_t>(i);
   const auto less = [&](std::uint32_t a, std::uint32_t b) {
@@ -40,8 +46,6 @@ std::vector<std::uint32_t> merged(const std::vector<Vector3d>& vertices_m) {
   }
   return out;
 }
-
-}  // namespace
 
 Vector3d nearest_on_triangle(const Vector3d& p, const std::array<Vector3d, 3>& corner, TrianglePart& part) noexcept {
   const auto& [a, b, c] = corner;
@@ -76,7 +80,7 @@ Vector3d nearest_on_triangle(const Vector3d& p, const std::array<Vector3d, 3>& c
 
 Surface::Surface(const std::vector<Vector3d>& vertices_m, const std::vector<std::array<std::uint32_t, 3>>& triangles)
     : vertices_m_(vertices_m) {
-  const std::vector<std::uint32_t> same = merged(vertices_m);
+  const std::vector<std::uint32_t> same = joined(vertices_m);
   triangles_.reserve(triangles.size());
   for (const auto& indices : triangles) {
     Triangle triangle;
@@ -85,9 +89,7 @@ Surface::Surface(const std::vector<Vector3d>& vertices_m, const std::vector<std:
       triangle.corner[i] = vertices_m_[triangle.vertex[i]];
     }
     const auto& [a, b, c] = triangle.corner;
-    const double longest = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
-    // Flatter than rounding: its edges are those of its neighbours.
-    if ((b - a).cross(c - a).norm() > kRounding * longest * longest) triangles_.push_back(triangle);
+    if (has_area(a, b, c)) triangles_.push_back(triangle);  // else its edges are those of its neighbours
   }
   find_neighbours();
   if (!triangles_.empty()) build(0, triangles_.size());

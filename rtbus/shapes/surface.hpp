@@ -24,6 +24,12 @@ struct TrianglePart {
                                                   const std::array<Eigen::Vector3d, 3>& corner,
                                                   TrianglePart& part) noexcept;
 
+/// Wider than rounding: what is flatter has no normal.
+[[nodiscard]] bool has_area(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) noexcept;
+
+/// Of each vertex the number that stands for all at the same place.
+[[nodiscard]] std::vector<std::uint32_t> joined(const std::vector<Eigen::Vector3d>& vertices_m);
+
 /// Triangles in a tree of boxes, and which of them are neighbours. Does not change once it is made.
 class Surface {
  public:

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -29,7 +30,8 @@ class Points {
 };
 
 /// What all shapes promise for a point that has one nearest surface point.
-void expect_consistent(const Shape& shape, const Vector3d& p) {
+template <class AnyShape>
+void expect_consistent(const AnyShape& shape, const Vector3d& p) {
   const SurfacePoint s = nearest_surface(shape, p);
   EXPECT_NEAR(s.normal.norm(), 1.0, 1e-12);
   EXPECT_NEAR(nearest_surface(shape, s.point_m).distance_m, 0.0, 1e-15);
@@ -37,7 +39,8 @@ void expect_consistent(const Shape& shape, const Vector3d& p) {
 }
 
 /// The normal is the gradient of the distance, by central differences.
-void expect_gradient_is_normal(const Shape& shape, const Vector3d& p) {
+template <class AnyShape>
+void expect_gradient_is_normal(const AnyShape& shape, const Vector3d& p) {
   constexpr double kStep_m = 1e-6;
   Vector3d gradient;
   for (int i = 0; i < 3; ++i) {
@@ -83,6 +86,46 @@ TEST(Sphere, AtItsCentrePointsUp) {
 TEST(Sphere, KeepsUnitNormalsHoweverNearTheCentre) {
   for (double r = 1.0; r > 0.0; r *= 0.1) {  // down through the subnormal numbers
     EXPECT_NEAR(nearest_surface(Sphere{0.05}, r * Vector3d(1.0, -2.0, 0.5)).normal.norm(), 1.0, 1e-12) << r;
+  }
+}
+
+TEST(Capsule, IsABallThatGoesAlongItsAxis) {
+  const Capsule capsule{0.02, 0.1};
+  Points points;
+  for (int i = 0; i < 1000; ++i) {
+    const Vector3d p = points.next();
+    double nearest_m = std::numeric_limits<double>::infinity();
+    for (int step = 0; step <= 600; ++step) {
+      const Vector3d centre(0.0, -0.03 + 1e-4 * step, 0.0);
+      nearest_m = std::min(nearest_m, nearest_surface(Sphere{capsule.radius_m}, p - centre).distance_m);
+    }
+    EXPECT_NEAR(nearest_surface(capsule, p).distance_m, nearest_m, 2e-6) << p.transpose();
+    expect_consistent(capsule, p);
+    expect_gradient_is_normal(capsule, p);
+  }
+  EXPECT_EQ(nearest_surface(capsule, Vector3d(0, 0.01, 0)).normal, Vector3d::UnitX()) << "on the axis";
+  EXPECT_DOUBLE_EQ(nearest_surface(capsule, Vector3d(0, 0.06, 0)).distance_m, 0.01);
+}
+
+TEST(Cylinder, MeasuresToSideCapAndRim) {
+  const Cylinder cylinder{0.03, 0.04};
+  EXPECT_DOUBLE_EQ(nearest_surface(cylinder, Vector3d(0.05, 0.01, 0)).distance_m, 0.02);
+  EXPECT_DOUBLE_EQ(nearest_surface(cylinder, Vector3d(0.01, -0.05, 0)).distance_m, 0.03);
+  EXPECT_EQ(nearest_surface(cylinder, Vector3d(0.01, -0.05, 0)).normal, Vector3d(0, -1, 0));
+  const SurfacePoint rim = nearest_surface(cylinder, Vector3d(0, 0.024, 0.033));
+  EXPECT_NEAR(rim.distance_m, 0.005, 1e-15);
+  EXPECT_NEAR((rim.point_m - Vector3d(0, 0.02, 0.03)).norm(), 0.0, 1e-15);
+  EXPECT_NEAR((rim.normal - Vector3d(0, 0.8, 0.6)).norm(), 0.0, 1e-12);
+  EXPECT_NEAR(nearest_surface(cylinder, Vector3d(0.028, 0, 0)).distance_m, -0.002, 1e-15);
+  EXPECT_NEAR(nearest_surface(cylinder, Vector3d(0.01, 0.019, 0)).distance_m, -0.001, 1e-15);
+  Points points;
+  for (int i = 0; i < 1000; ++i) {
+    const Vector3d p = points.next(0.06);
+    expect_consistent(cylinder, p);
+    const double beside = std::hypot(p.x(), p.z()) - 0.03, beyond = std::abs(p.y()) - 0.02;
+    const bool inside = beside < 0.0 && beyond < 0.0;
+    if (std::hypot(p.x(), p.z()) < 1e-3 || std::abs(beside) < 1e-4 || std::abs(beyond) < 1e-4) continue;
+    if (!inside || std::abs(beside - beyond) > 1e-4) expect_gradient_is_normal(cylinder, p);
   }
 }
 

@@ -120,6 +120,55 @@ TEST(Surface, ItsNearestMinimumIsTheNearestOfAllTriangles) {
   }
 }
 
+/// On a triangle, which is convex, a minimum of the distance is the nearest point of all. So a point of the surface is
+/// a minimum where it is the nearest point of each triangle that it is on. Nothing of neighbours, edges or corners is
+/// asked. @returns how many different ones are within reach.
+std::vector<Vector3d> minima_by_search(const Triangles& mesh, const Vector3d& p, double reach_m) {
+  constexpr double kSame_m = 1e-10, kRounding_m = 1e-14;
+  const auto nearest = [&](const std::array<std::uint32_t, 3>& each, const Vector3d& q) {
+    TrianglePart part;
+    return nearest_on_triangle(q, {mesh.vertices_m[each[0]], mesh.vertices_m[each[1]], mesh.vertices_m[each[2]]}, part);
+  };
+  std::vector<Vector3d> out;
+  for (const auto& each : mesh.triangles) {
+    const Vector3d at = nearest(each, p);
+    const double distance_m = (p - at).norm();
+    const auto same = [&](const Vector3d& other) { return (other - at).norm() < kSame_m; };
+    if (distance_m >= reach_m || std::any_of(out.begin(), out.end(), same)) continue;
+    const bool minimum = std::all_of(mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& other) {
+      return !same(nearest(other, at)) || (p - nearest(other, p)).norm() >= distance_m - kRounding_m;
+    });
+    if (minimum) out.push_back(at);
+  }
+  return out;
+}
+
+TEST(Surface, ItsMinimaAreThoseOfASearchOverAllTriangles) {
+  Triangles creased = field(12, 0.05, [](double x, double z) { return 0.4 * std::abs(x) - 0.6 * std::abs(z - 0.004); });
+  creased.add({-0.02, 0.004, 0}, {0.02, 0.004, 0.001}, {0, 0.02, 0.01});  // open, and through the others
+  std::mt19937 random(12);
+  std::size_t minima = 0, several = 0;
+  for (const Triangles& mesh : {field(16, 0.05, &bumps), creased}) {
+    const Surface surface(mesh.vertices_m, mesh.triangles);
+    for (int i = 0; i < 250; ++i) {
+      const Vector3d p(evenly(random, -0.03, 0.03), evenly(random, -0.01, 0.015), evenly(random, -0.03, 0.03));
+      const double reach_m = nearest_of_all(mesh, p) + evenly(random, 1e-4, 4e-3);
+      const auto truth = minima_by_search(mesh, p, reach_m);
+      const auto found = minima_of(surface, p, reach_m);
+      ASSERT_EQ(found.size(), truth.size()) << "at " << p.transpose() << " within " << reach_m;
+      for (const Vector3d& each : truth) {
+        EXPECT_TRUE(std::any_of(found.begin(), found.end(), [&](const auto& one) {
+          return (one.point_m - each).norm() < 1e-9;
+        })) << each.transpose();
+      }
+      minima += found.size();
+      several += found.size() > 1 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(minima, 500U);
+  EXPECT_GT(several, 50U) << "creases and bumps within reach";
+}
+
 // A ball that rests on a smooth surface touches it at one place, however fine its triangles are.
 TEST(Surface, SmoothOnesHaveOneMinimumAtABall) {
   for (const int n : {20, 80, 320}) {
@@ -202,6 +251,32 @@ TEST(Surface, FilesWithFaultsAreTouchedWhereTheyHaveArea) {
   for (const auto& each : below) EXPECT_NEAR((each.point_m - Vector3d(0.3, 0, 0.1)).norm(), 0.0, 1e-12);
   EXPECT_EQ(Surface({}, {}).triangle_count(), 0U);
   EXPECT_TRUE(minima_of(Surface({}, {}), Vector3d::Zero(), 1.0).empty());
+}
+
+TEST(Surface, OfAMillionTrianglesIsMadeInSecondsAndAskedInMicroseconds) {
+  constexpr int kCells = 708;  // 1 002 528 triangles
+  std::vector<Vector3d> vertices_m;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  for (std::uint32_t i = 0; i <= kCells; ++i) {
+    for (std::uint32_t k = 0; k <= kCells; ++k) {
+      const double x = 0.05 * i / kCells - 0.025, z = 0.05 * k / kCells - 0.025;
+      vertices_m.emplace_back(x, bumps(x, z), z);
+      if (i == kCells || k == kCells) continue;
+      const std::uint32_t a = i * (kCells + 1) + k, b = a + kCells + 1;
+      triangles.push_back({a, a + 1, b + 1});
+      triangles.push_back({a, b + 1, b});
+    }
+  }
+  const Surface surface(vertices_m, triangles);
+  EXPECT_EQ(surface.triangle_count(), 2U * kCells * kCells);
+  std::mt19937 random(6);
+  for (int i = 0; i < 1000; ++i) {
+    const double x = evenly(random, -0.02, 0.02), z = evenly(random, -0.02, 0.02);
+    const Vector3d p(x, bumps(x, z) + 2e-4, z);
+    const auto found = minima_of(surface, p, 3e-4);
+    ASSERT_FALSE(found.empty());
+    for (const auto& each : found) ASSERT_NEAR(each.point_m.y(), bumps(each.point_m.x(), each.point_m.z()), 2e-7);
+  }
 }
 
 TEST(Surface, KeepsTheNearestWhereThereIsNoRoomForAll) {
