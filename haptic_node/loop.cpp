@@ -25,8 +25,7 @@ std::unique_ptr<Method> make_method(const HapticConfig& config, const Mapping& m
                               config.shapes,
                               config.wire.paper,
                               config.proxy.mass_kg,
-                              config.standing,
-                              config.boxes,
+                              config.known,
                               config.other_hands.size(),
                               echo};
   return find_method(config.method)->make(context);
@@ -140,10 +139,20 @@ void Loop::take_answers(std::uint64_t now_ns) noexcept {
   }
 }
 
+/// The method knows the shapes of its own scene file. Where physics has others, no force is right.
+bool Loop::same_scene(const rtbus::ProxyContacts& answer) noexcept {
+  const bool other = config_.shape_hash != 0 && answer.shape_hash != config_.shape_hash;
+  if (other != other_scene_) note(other ? LoopEvent::kOtherScene : LoopEvent::kLinkAlive);
+  if (other_scene_ && !other) begin_anew_ = true;
+  other_scene_ = other;
+  return !other;
+}
+
 bool Loop::contacts_are_new(std::uint64_t now_ns) noexcept {
   if (!owns_proxy_ || !link_.receive(contacts_answer_)) return false;
-  // As with the proxy: void when it answers something else than the hand since forces were enabled.
   const rtbus::ProxyContacts& answer = contacts_answer_.value;
+  if (!same_scene(answer)) return false;
+  // As with the proxy: void when it answers something else than the hand since forces were enabled.
   if (answer.device_sequence == 0 || answer.mapping_epoch != mapping_.epoch() || answer.device_time_ns < enabled_ns_ ||
       answer.device_time_ns > now_ns) {
     return false;
@@ -276,7 +285,7 @@ SafetyOutput Loop::make_safe(const RenderOutput& rendered, bool device_ok, bool 
   wish.enabled = enabled;
   wish.estop = estop_;
   wish.clutched = clutched_;
-  wish.link_alive = link_alive_ && (proxy_.valid || !method_->needs_physics());
+  wish.link_alive = link_alive_ && !other_scene_ && (proxy_.valid || !method_->needs_physics());
   wish.device_ok = device_ok;
   SafetyOutput safe = safety_.apply(wish);
   const bool overspeed = (safe.acted & kOverspeed) != 0;

@@ -54,6 +54,7 @@ enum class LoopEvent : std::uint8_t {
   kLinkLost,
   kLinkLags,  ///< A loss too: it answers, but a hand of long ago.
   kLinkAlive,
+  kOtherScene,  ///< Physics answers with the shapes of another scene.
   kDeviceLost,
   kDeviceBack,
   kOverspeed,
@@ -130,6 +131,7 @@ class Loop {
                      bool enabled) noexcept RTBUS_NONBLOCKING;
   void note(LoopEvent event) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool packet_is_due() noexcept RTBUS_NONBLOCKING;
+  [[nodiscard]] bool same_scene(const rtbus::ProxyContacts& answer) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] bool contacts_are_new(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING;
   /// How long before the newest sample of the hand that one was measured which an answer belongs to.
   [[nodiscard]] std::uint64_t behind_hand(std::uint64_t answered_ns) const noexcept RTBUS_NONBLOCKING;
@@ -166,6 +168,7 @@ class Loop {
   bool begin_anew_ = false;       ///< The next cycle enables forces anew: physics has returned.
   std::uint64_t enabled_ns_ = 0;  ///< When forces were enabled; answers to earlier samples are void.
   bool link_alive_ = false;
+  bool other_scene_ = false;   ///< The last contacts were those of another scene: nothing that is near is known.
   std::uint64_t refused_ = 0;  ///< Samples of physics, as of the last cycle.
   bool overspeed_ = false;
   bool estop_ = false;

@@ -37,6 +37,8 @@ const char* describe(LoopEvent event) {
       return "physics answers a hand of long ago: device_time_ns of its answers is too old; force fades to zero";
     case LoopEvent::kLinkAlive:
       return "physics is there: force ramps up";
+    case LoopEvent::kOtherScene:
+      return "physics has another scene: no force; restart this node";
     case LoopEvent::kDeviceLost:
       return "the device does not answer or takes no force: zero force";
     case LoopEvent::kDeviceBack:
@@ -56,8 +58,8 @@ const char* describe(LoopEvent event) {
 }
 
 bool is_warning(LoopEvent event) {
-  return event == LoopEvent::kLinkLost || event == LoopEvent::kLinkLags || event == LoopEvent::kDeviceLost ||
-         event == LoopEvent::kOverspeed || event == LoopEvent::kEstopped;
+  return event == LoopEvent::kLinkLost || event == LoopEvent::kLinkLags || event == LoopEvent::kOtherScene ||
+         event == LoopEvent::kDeviceLost || event == LoopEvent::kOverspeed || event == LoopEvent::kEstopped;
 }
 
 /// Ring that holds at least two seconds of ticks, for readers that follow in order.

@@ -194,8 +194,13 @@ void read_method(Map& entry, rtbus::config::SessionConfig& session, HapticConfig
   }
   out.shapes = session.scene.static_shapes();
   if (method.needs_contacts && rtbus::config::simulates_the_scene(*session.physics)) {
-    out.standing = session.scene.standing_shapes();
-    out.boxes = session.scene.free_boxes();
+    out.known = session.scene.known_shapes();
+    if (session.physics->text("engine", "") == "mujoco") {  // which tells such a hull in axes of its own
+      std::erase_if(out.known, [](const auto& each) {
+        return !each.stands && std::holds_alternative<rtbus::shapes::Hull>(each.shape);
+      });
+    }
+    if (!out.known.empty()) out.shape_hash = session.scene.shape_hash();
   }
   if (!method.needs_physics && out.shapes.empty()) {
     entry.fail("method", "finds its surface by itself, but the scene has no static plane, sphere or box");

@@ -17,8 +17,8 @@
 #include "rtbus/config/session.hpp"
 #include "rtbus/config/shared_keys.hpp"
 #include "rtbus/realtime.hpp"
+#include "rtbus/shapes/known_shape.hpp"
 #include "rtbus/shapes/shapes.hpp"
-#include "rtbus/shapes/standing_shape.hpp"
 
 namespace haptic {
 
@@ -61,12 +61,12 @@ struct HapticConfig {
   rtbus::RealtimeRequest realtime;
   double spin_s = 0.0;  ///< Tail of each sleep that is spent spinning.
   std::unique_ptr<drivers::DeviceConfig> device;
-  std::vector<rtbus::shapes::PlacedShape> shapes;                   ///< Static analytic bodies of the scene.
-  std::vector<rtbus::shapes::StandingShape> standing;               ///< Of the scene, for a method that knows shapes.
-  std::vector<std::pair<std::uint32_t, rtbus::shapes::Box>> boxes;  ///< That forces move, by body; likewise.
-  std::vector<OtherHandConfig> other_hands;                         ///< For a method that feels them.
-  bool telemetry_always = false;      ///< Not of the file: telemetry is published though nobody observes it.
-  std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
+  std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene.
+  std::vector<rtbus::shapes::KnownShape> known;    ///< Of the scene, for a method that finds contacts by itself …
+  std::uint64_t shape_hash = 0;  ///< … and Scene::shape_hash(), which answers of physics must have; 0: any.
+  std::vector<OtherHandConfig> other_hands;  ///< For a method that feels them.
+  bool telemetry_always = false;             ///< Not of the file: telemetry is published though nobody observes it.
+  std::vector<std::string> warnings;         ///< About what the file allows and hardly means: sentences for the user.
 
   [[nodiscard]] std::uint64_t period_ns() const noexcept;
   [[nodiscard]] bool asks_physics() const noexcept;  ///< Its method needs one.

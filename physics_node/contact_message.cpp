@@ -48,6 +48,7 @@ void fill_body(const BodyBehind& body, std::size_t i, rtbus::ProxyContacts& out)
   out.body_centre_m[i] = array_of(body.centre_m);
   const Eigen::Quaterniond& q_WB = body.orientation;
   out.body_orientation_wxyz[i] = {q_WB.w(), q_WB.x(), q_WB.y(), q_WB.z()};
+  out.body_origin_from_centre_m[i] = array_of(body.origin_from_centre_m);
   out.body_velocity_m_s[i] = array_of(body.velocity_m_s);
   out.body_angular_velocity_rad_s[i] = array_of(body.angular_velocity_rad_s);
   out.body_inverse_mass_per_kg[i] = body.inverse_mass_per_kg;

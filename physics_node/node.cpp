@@ -33,7 +33,8 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config) {
 rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config, std::unique_ptr<World> world) {
   std::unique_ptr<Node> node(new Node(std::move(config)));
   const NodeConfig& settings = node->config_;
-  node->stepper_ = std::make_unique<Stepper>(std::move(world), settings.proxies, settings.physics.parts_per_step());
+  node->stepper_ = std::make_unique<Stepper>(std::move(world), settings.proxies, settings.physics.parts_per_step(),
+                                             settings.shape_hash());
 
   std::string failed;
   const auto create = [&]<class T>(std::type_identity<T>, const std::string& topic, std::uint32_t capacity) {

@@ -70,6 +70,9 @@ struct NodeConfig {
   std::vector<int> haptic_cores;     ///< CPUs of the haptic loops, likewise; −1: `auto`.
   std::string file;
   std::vector<std::string> warnings;  ///< About what the file allows and hardly means: sentences for the user.
+
+  /// Of the scene that the world simulates; 0: the world is an external engine's own.
+  [[nodiscard]] std::uint64_t shape_hash() const { return physics.engine == "external" ? 0 : scene.shape_hash(); }
 };
 
 /// Reads and finishes the `physics` map. Throws rtbus::config::Error.

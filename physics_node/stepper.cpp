@@ -19,8 +19,9 @@ using rtbus::vector_of;
 
 }  // namespace
 
-Stepper::Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps)
-    : world_(std::move(world)), substeps_(std::max(1, substeps)) {
+Stepper::Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps,
+                 std::uint64_t shape_hash)
+    : world_(std::move(world)), substeps_(std::max(1, substeps)), shape_hash_(shape_hash) {
   for (const ProxyConfig& config : proxies) {
     // Until its device speaks it touches nothing: its first state brings it in.
     world_->release_proxy(
@@ -163,9 +164,13 @@ std::uint64_t Stepper::received_until_ns(const Link& link) noexcept {
 void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts& out) {
   world_->contacts(proxy, radius_m > 0.0 ? radius_m : contact_radius_m(proxy), contacts_);
   for (BodyBehind& body : contacts_.bodies) {
-    if (body.kind != BodyKind::kSoft) body.orientation = world_->body_pose(body.body).orientation;
+    if (body.kind == BodyKind::kSoft) continue;
+    const BodyPose pose = world_->body_pose(body.body);
+    body.orientation = pose.orientation;
+    body.origin_from_centre_m = pose.position_m - body.centre_m;
   }
   fill_message(contacts_, answer(proxy), out);
+  out.shape_hash = shape_hash_;
   out.device_time_ns = received_until_ns(links_[proxy]);
   out.hands = static_cast<std::uint32_t>(std::min(links_.size(), rtbus::kHandSlots));
   for (std::size_t i = 0; i < out.hands; ++i) {

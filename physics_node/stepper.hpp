@@ -34,7 +34,9 @@ namespace physics {
 /// V_h). One thread.
 class Stepper {
  public:
-  Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps);
+  /// @param shape_hash Scene::shape_hash() of the scene that the world simulates; 0: it is of none.
+  Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps,
+          std::uint64_t shape_hash = 0);
 
   /// The newest state of a device; `sequence` is its number in the topic.
   ///  - The first state, the first after release(), a new mapping_epoch, and every state with enabled == 0 re-base
@@ -142,6 +144,7 @@ class Stepper {
 
   std::unique_ptr<World> world_;
   int substeps_;
+  std::uint64_t shape_hash_;
   std::vector<Link> links_;
   ContactSet contacts_;                 // kept for its memory
   std::vector<PendingImpulse> pushes_;  // likewise

@@ -34,6 +34,7 @@ struct ProxyContacts {
   std::uint32_t supports_overflow = 0;
   std::uint32_t hands = 0;  ///< Rows used of hand_time_ns: haptic nodes of the session.
   std::uint32_t reserved = 0;
+  std::uint64_t shape_hash = 0;  ///< Of the shapes of the world's scene (Scene::shape_hash()); 0: it has none.
 
   /// By haptic node, in the session's order: bodies have received the hand_impulse_… of that hand until then, in the
   /// time of its samples. 0: none.
@@ -52,7 +53,8 @@ struct ProxyContacts {
   std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order.
   std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic, 3 soft.
   std::array<Vec3, kContactSlots> body_centre_m{};
-  std::array<Quat, kContactSlots> body_orientation_wxyz{};  ///< q_WB; zero: not known.
+  std::array<Quat, kContactSlots> body_orientation_wxyz{};      ///< q_WB; zero: not known.
+  std::array<Vec3, kContactSlots> body_origin_from_centre_m{};  ///< Of the body's frame, in which its shape is given.
   std::array<Vec3, kContactSlots> body_velocity_m_s{};
   std::array<Vec3, kContactSlots> body_angular_velocity_rad_s{};
   std::array<double, kContactSlots> body_inverse_mass_per_kg{};
@@ -98,6 +100,7 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, supports_overflow, "1"),
                                       RTBUS_FIELD(T, hands, "1"),
                                       RTBUS_FIELD(T, reserved, "1"),
+                                      RTBUS_FIELD(T, shape_hash, "1"),
                                       RTBUS_FIELD(T, hand_time_ns, "ns"),
                                       RTBUS_FIELD(T, contact_body, "1"),
                                       RTBUS_FIELD(T, contact_point_m, "m"),
@@ -112,6 +115,7 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, body_kind, "1"),
                                       RTBUS_FIELD(T, body_centre_m, "m"),
                                       RTBUS_FIELD(T, body_orientation_wxyz, "1"),
+                                      RTBUS_FIELD(T, body_origin_from_centre_m, "m"),
                                       RTBUS_FIELD(T, body_velocity_m_s, "m/s"),
                                       RTBUS_FIELD(T, body_angular_velocity_rad_s, "rad/s"),
                                       RTBUS_FIELD(T, body_inverse_mass_per_kg, "1/kg"),
@@ -137,7 +141,7 @@ struct SampleTraits<ProxyContacts> {
       RTBUS_TABLE(T, supports, support_body, support_points, kSupportSlots)};
 };
 
-static_assert(sizeof(ProxyContacts) == 10824 && TabularSample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 11216 && TabularSample<ProxyContacts>);
 
 /// `physics.contact_points.HAPTIC`, at most 30 times a second and only while an observer is attached: where the proxy
 /// touches, or nearly so, whatever the method. The radius is that of Stepper::contact_radius_m(). Rows beyond the count

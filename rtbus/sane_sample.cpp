@@ -143,6 +143,7 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
   const bool bodies =
       all_below(s.body_kind, kKinds, s.bodies) && all_below(s.body_index, kMostBodies, s.bodies) &&
       within(s.body_centre_m, kPosition_m, s.bodies) && within(s.body_orientation_wxyz, kUnit, s.bodies) &&
+      within(s.body_origin_from_centre_m, kPosition_m, s.bodies) &&
       within(s.body_velocity_m_s, kVelocity_m_s, s.bodies) &&
       within(s.body_angular_velocity_rad_s, kForce_n, s.bodies) && within(s.body_inverse_mass_per_kg, kAny, s.bodies) &&
       within(s.body_inverse_inertia_per_kg_m2, kAny, s.bodies) && within(s.body_external_force_n, kForce_n, s.bodies) &&

@@ -14,10 +14,14 @@ class DrivenBody {
   Eigen::Quaterniond take(const ToldBody& told, const SinceAnswer& since, BodyMotion& motion) noexcept {
     motion = told.motion();
     motion.centre_m += since.seconds() * motion.velocity_m_s;
-    return turn_of(motion.angular_velocity_rad_s, since.seconds());
+    const Eigen::Quaterniond turned = turn_of(motion.angular_velocity_rad_s, since.seconds());
+    motion.q_WB = turned * motion.q_WB;
+    return turned;
   }
   void advance(const StepSolution& step, BodyMotion& motion) noexcept {
     motion.centre_m += step.h * motion.velocity_m_s;
+    if (motion.angular_velocity_rad_s.isZero(0.0)) return;
+    motion.q_WB = (turn_of(motion.angular_velocity_rad_s, step.h) * motion.q_WB).normalized();
   }
 };
 

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "haptic_node/rendering/static_shapes.hpp"
-
 namespace haptic {
 namespace {
 
@@ -21,8 +19,6 @@ constexpr std::uint32_t kPatchPoints = 3;
 constexpr double kPatchRadius = std::numbers::sqrt3;
 /// What goes slower than this, in either way, stands still.
 constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
-/// A quaternion is none where its length is farther from 1.
-constexpr double kUnit = 1e-3;
 /// A corner that is not there does not touch.
 constexpr double kFar_m = 1.0;
 /// A corner that has sunk in comes out by this part of its depth in a step, at most at this speed.
@@ -64,11 +60,13 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   ball_ = is_ball(told);
   supported_ = rocks_ = false;
   lies_ = false;
-  const rtbus::Quat& q = answer.body_orientation_wxyz[told.row];
-  q_WB_ = Quaterniond(q[0], q[1], q[2], q[3]);
   const bool heavy = inverse_mass_per_kg_ * since.proxy_kg * kHeavy < 1.0;
-  box_ = heavy && std::abs(q_WB_.norm() - 1.0) <= kUnit ? since.boxes.box_of(answer.body_index[told.row]) : nullptr;
-  q_WB_.normalize();
+  const auto* const known =
+      heavy && told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
+  has_shape_ = known != nullptr;
+  box_ = has_shape_ ? std::get_if<rtbus::shapes::Box>(&known->shape) : nullptr;
+  hull_ = has_shape_ ? std::get_if<rtbus::shapes::Hull>(&known->shape) : nullptr;
+  origin_B_m_ = told.origin_B_m();
   // A hand that pushes otherwise than at the answered instant moves it against its supports for the whole age of the
   // answer: behind a network, by no more than in kGivesWay_s.
   const double gives_way = since.networked ? kGivesWay_s / std::max(since.seconds(), kGivesWay_s) : 1.0;
@@ -84,7 +82,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      if (!lie_on_faces(since.boxes, motion, supports)) stand_on(since.tuning, supports, motion);
+      if (!lie_on_faces(since.shapes, motion, supports)) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -130,19 +128,18 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
   support_count_ = supports.count - first_support_;
 }
 
-/// A box whose supports are all on faces that are known lies there with its corners. It tips, turns and slides off as
-/// they push.
-bool FreeBody::lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, SupportPool& supports) noexcept {
+/// A box or a hull whose supports are all on faces that are known lies there with its corners. It tips, turns and
+/// slides off as they push.
+bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports) noexcept {
   const std::size_t more = (kCorners - 1) * support_count_;
-  if (box_ == nullptr || support_count_ > kFaces || supports.spare < more) return false;
+  const bool has_corners = box_ != nullptr || hull_ != nullptr;
+  if (!has_corners || support_count_ > kFaces || supports.spare < more) return false;
   std::array<Support, kFaces> held;
   for (std::size_t i = 0; i < support_count_; ++i) {
     held[i] = supports.rows[first_support_ + i];
-    const auto* const holder = boxes.holder_at(motion.centre_m + held[i].from_centre_m, held[i].normal);
+    const auto* const holder = shapes.holder_at(motion.centre_m + held[i].from_centre_m, held[i].normal);
     rtbus::shapes::FacePoints corners;
-    if (holder == nullptr ||
-        !rtbus::shapes::face_points(*box_, q_WB_, motion.centre_m, *holder, held[i].normal, corners) ||
-        corners.count == 0) {
+    if (holder == nullptr || !corners_on(*holder, held[i].normal, motion.centre_m, motion.q_WB, corners)) {
       return false;
     }
     const double nearest_m =
@@ -165,10 +162,20 @@ bool FreeBody::lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, S
   return true;
 }
 
+bool FreeBody::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& toward, const Vector3d& centre_m,
+                          const Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept {
+  if (box_ != nullptr) {
+    (void)rtbus::shapes::face_points(*box_, q_WB, centre_m, holder, toward, out);
+  } else {
+    rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, holder, out);
+  }
+  return out.count > 0;
+}
+
 void FreeBody::find_corners(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
   for (std::size_t i = 0; i < face_count_; ++i) {
     rtbus::shapes::FacePoints corners;
-    (void)rtbus::shapes::face_points(*box_, q_WB, centre_m, *faces_[i].holder, faces_[i].toward, corners);
+    (void)corners_on(*faces_[i].holder, faces_[i].toward, centre_m, q_WB, corners);
     for (std::size_t k = 0; k < kCorners; ++k) {
       Support& support = supports.rows[first_support_ + kCorners * i + k];
       support.gap_m = kFar_m;
@@ -227,7 +234,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   SolverContact* const rows = since.scratch;
   std::size_t count = 0;
   if (inverse_mass_per_kg_ > 0.0) {
-    if (lies_) find_corners(motion.centre_m, q_WB_, supports);
+    if (lies_) find_corners(motion.centre_m, motion.q_WB, supports);
     for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
       SolverContact& row = rows[count++];
       row = row_of(supports.rows[i], h);
@@ -248,7 +255,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     if (lies_) {
       const Matrix3d R = turned.toRotationMatrix();
       body.inverse_inertia_per_kg_m2 = R * inverse_inertia * R.transpose();
-      if (part > 1) find_corners(motion.centre_m, turned * q_WB_, supports);
+      if (part > 1) find_corners(motion.centre_m, turned * motion.q_WB, supports);
       for (std::size_t i = 0; i < count; ++i) {
         const Support& support = supports.rows[first_support_ + i];
         rows[i].normal = support.normal;
@@ -273,7 +280,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   motion.velocity_m_s = body.velocity_m_s;
   const bool pushed = !(before.angular_n_m_s - since.given_at(from_ns).angular_n_m_s).isZero(0.0);
   const double more_rad = way_s * (body.angular_velocity_rad_s - motion.angular_velocity_rad_s).norm();
-  if (box_ != nullptr && pushed && more_rad > kBlocked_rad) {
+  if (has_shape_ && pushed && more_rad > kBlocked_rad) {
     // A hand that turns it so far would not touch it there any more: something that is not told holds it.
     turned = turn_of(motion.angular_velocity_rad_s, way_s);
   } else {
@@ -283,7 +290,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   if (turned.vec().isZero(0.0)) return turned;
   const Matrix3d R = turned.toRotationMatrix();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
-  if (box_ != nullptr) q_WB_ = (turned * q_WB_).normalized();
+  if (has_shape_) motion.q_WB = (turned * motion.q_WB).normalized();
   if (ball_ || lies_) return turned;  // it rolls over what holds it: the support stays below the centre
   for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
     supports.rows[i].from_centre_m = turned * supports.rows[i].from_centre_m;
@@ -333,7 +340,7 @@ void FreeBody::fill_row(const Vector3d& late_m_s, SolverContact& row) const noex
 std::size_t FreeBody::add_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
                                std::size_t first) noexcept {
   first_row_ = first;
-  if (lies_ && self_ >= 0) find_corners(motion.centre_m, q_WB_, supports);
+  if (lies_ && self_ >= 0) find_corners(motion.centre_m, motion.q_WB, supports);
   for (std::size_t i = 0; i < support_count_; ++i) {
     Support& support = supports.rows[first_support_ + i];
     if (self_ < 0) {
@@ -357,10 +364,10 @@ void FreeBody::advance(const StepSolution& step, SupportPool& supports, BodyMoti
     }
   }
   motion.centre_m += step.h * motion.velocity_m_s;
-  if (box_ == nullptr || motion.angular_velocity_rad_s.isZero(0.0)) return;
+  if (!has_shape_ || motion.angular_velocity_rad_s.isZero(0.0)) return;
   const Quaterniond turn = turn_of(motion.angular_velocity_rad_s, step.h);
   const Matrix3d R = turn.toRotationMatrix();
-  q_WB_ = (turn * q_WB_).normalized();
+  motion.q_WB = (turn * motion.q_WB).normalized();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
 }
 
@@ -368,17 +375,6 @@ void FreeBody::correct(const Impulse& more, BodyMotion& motion) const noexcept {
   if (self_ < 0) return;
   motion.velocity_m_s += inverse_mass_per_kg_ * more.linear_n_s;
   motion.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * more.angular_n_m_s;
-}
-
-bool FreeBody::nearest_of_box(const Vector3d& centre_m, const Vector3d& proxy_m, Vector3d& from_centre_m,
-                              Vector3d& normal) const noexcept {
-  if (box_ == nullptr) return false;
-  const rtbus::shapes::SurfacePoint nearest =
-      rtbus::shapes::nearest_surface(rtbus::shapes::PlacedShape{*box_, q_WB_, centre_m}, proxy_m);
-  if (nearest.distance_m <= StaticShapes::kSurface_m) return false;
-  from_centre_m = nearest.point_m - centre_m;
-  normal = nearest.normal;
-  return true;
 }
 
 void FreeBody::brake() noexcept {

@@ -12,6 +12,7 @@
 #include "haptic_node/rendering/support.hpp"
 #include "rtbus/realtime.hpp"
 #include "rtbus/shapes/face_points.hpp"
+#include "rtbus/shapes/hull_points.hpp"
 
 namespace haptic {
 
@@ -54,11 +55,8 @@ class FreeBody {
   /// Answers are late: what stands on nothing loses its forces.
   void brake() noexcept RTBUS_NONBLOCKING;
 
-  /// The point of a box that is nearest to the proxy, from the centre, and the direction from there to the proxy.
-  /// @returns false inside of it, on it, and where it is no box.
-  [[nodiscard]] bool nearest_of_box(const Eigen::Vector3d& centre_m, const Eigen::Vector3d& proxy_m,
-                                    Eigen::Vector3d& from_centre_m,
-                                    Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING;
+  /// The scene tells its shape, and it is heavy enough to be met there.
+  [[nodiscard]] bool has_shape() const noexcept { return has_shape_; }
 
   /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
@@ -66,7 +64,11 @@ class FreeBody {
  private:
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
-  [[nodiscard]] bool lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, SupportPool& supports) noexcept;
+  [[nodiscard]] bool lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports) noexcept;
+  /// Of the body, on what holds it. @returns whether there are any.
+  bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& toward,
+                  const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
+                  rtbus::shapes::FacePoints& out) const noexcept;
   /// The corners of all faces, where the body is now.
   void find_corners(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
                     SupportPool& supports) const noexcept;
@@ -78,7 +80,7 @@ class FreeBody {
     return {motion.velocity_m_s, motion.angular_velocity_rad_s, inverse_mass_per_kg_, inverse_inertia_per_kg_m2_};
   }
 
-  /// A face of what stands, on which the box lies with kCorners rows of the pool.
+  /// A face of what stands, on which the body lies with kCorners rows of the pool.
   struct HeldFace {
     const rtbus::shapes::PlacedShape* holder = nullptr;
     Eigen::Vector3d toward = Eigen::Vector3d::UnitY();
@@ -93,9 +95,11 @@ class FreeBody {
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();     ///< All but supports and the proxy.
   Eigen::Vector3d torque_n_m_ = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
   double friction_bound_n_ = 0.0;
-  const rtbus::shapes::Box* box_ = nullptr;  ///< Its shape; nullptr: not known.
-  bool lies_ = false;                        ///< On faces_, corner by corner; otherwise on supports as told.
-  Eigen::Quaterniond q_WB_ = Eigen::Quaterniond::Identity();  ///< Of box_.
+  bool has_shape_ = false;
+  const rtbus::shapes::Box* box_ = nullptr;               ///< That shape, of a box …
+  const rtbus::shapes::Hull* hull_ = nullptr;             ///< … and of a hull.
+  Eigen::Vector3d origin_B_m_ = Eigen::Vector3d::Zero();  ///< Of the hull's frame, from the centre.
+  bool lies_ = false;  ///< On faces_, corner by corner; otherwise on supports as told.
   std::array<HeldFace, kFaces> faces_{};
   std::size_t face_count_ = 0;
   bool ball_ = false;

@@ -3,6 +3,7 @@
 /// What the kinds of bodies of local_contact share: a body's motion, its row of an answer, and the time since. Frame W,
 /// SI units.
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -11,7 +12,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/impulse_history.hpp"
-#include "haptic_node/rendering/known_boxes.hpp"
+#include "haptic_node/rendering/known_shapes.hpp"
 #include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/clock.hpp"
@@ -32,6 +33,7 @@ struct BodyMotion {
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
+  Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();  ///< Of what has a known shape and moves.
 
   [[nodiscard]] Eigen::Vector3d velocity_at(const Eigen::Vector3d& from_centre_m) const noexcept {
     return velocity_m_s + angular_velocity_rad_s.cross(from_centre_m);
@@ -57,9 +59,24 @@ struct ToldBody {
   double loosest_per_kg = 0;  ///< Largest inverse mass of what holds the body; 0: all that holds it stands.
 
   [[nodiscard]] Eigen::Vector3d centre_m() const noexcept { return rtbus::vector_of(answer.body_centre_m[row]); }
+  /// Of unit length where it is known.
+  [[nodiscard]] Eigen::Quaterniond q_WB() const noexcept {
+    const rtbus::Quat& q = answer.body_orientation_wxyz[row];
+    return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
+  }
+  /// A quaternion is none where its length is farther from 1.
+  [[nodiscard]] bool knows_orientation() const noexcept {
+    constexpr double kUnit = 1e-3;
+    const rtbus::Quat& q = answer.body_orientation_wxyz[row];
+    return std::abs(Eigen::Quaterniond(q[0], q[1], q[2], q[3]).norm() - 1.0) <= kUnit;
+  }
+  /// Of the frame of its shape, from the centre, in that frame.
+  [[nodiscard]] Eigen::Vector3d origin_B_m() const noexcept {
+    return q_WB().conjugate() * rtbus::vector_of(answer.body_origin_from_centre_m[row]);
+  }
   [[nodiscard]] BodyMotion motion() const noexcept {
     return {centre_m(), rtbus::vector_of(answer.body_velocity_m_s[row]),
-            rtbus::vector_of(answer.body_angular_velocity_rad_s[row])};
+            rtbus::vector_of(answer.body_angular_velocity_rad_s[row]), q_WB()};
   }
 };
 
@@ -74,7 +91,7 @@ struct SinceAnswer {
   OtherHands::Since others;          ///< What other hands gave it.
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
   const Tuning& tuning;
-  const KnownBoxes& boxes;
+  const KnownShapes& shapes;
   double besides_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
   bool networked = false;  ///< The answer has come over a network, and is old.
   double proxy_kg = 0.0;   ///< Mass of the proxy in a tick: h(hK + B).

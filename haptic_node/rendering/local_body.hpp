@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <variant>
 
+#include <Eigen/Core>
+
 #include "haptic_node/rendering/blend.hpp"
 #include "haptic_node/rendering/body_driven.hpp"
 #include "haptic_node/rendering/body_fixed.hpp"
@@ -23,9 +25,11 @@ struct LocalBody {
   std::uint32_t index = 0;  ///< In the scene's order.
   Blend blend;              ///< With which what an answer changes is brought in.
   BodyMotion motion;        ///< Of a rigid one.
-  PileBody::Known known;    ///< By the last answer.
-  std::size_t place = 0;    ///< Among the hand impulses.
-  Impulse heard;            ///< By other hands, in the running step.
+  int shape = -1;           ///< Which of the known shapes its contacts follow; −1: planes, as they are told.
+  Eigen::Vector3d origin_B_m = Eigen::Vector3d::Zero();  ///< Of the shape's frame, from the centre, in that frame.
+  PileBody::Known known;                                 ///< By the last answer.
+  std::size_t place = 0;                                 ///< Among the hand impulses.
+  Impulse heard;                                         ///< By other hands, in the running step.
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody, YieldingBody> kind;
 
   template <class Kind>

@@ -4,7 +4,6 @@
 /// physics says about the contacts near the proxy.
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "haptic_node/rendering/local_world.hpp"
 #include "haptic_node/rendering/mapping.hpp"
@@ -19,15 +18,13 @@ namespace haptic {
 class LocalContact final : public Method {
  public:
   /// @param mapping Must outlive this object.
-  /// @param standing Static bodies whose shape the loop knows. @param boxes Those that forces move. @param other_hands
-  /// How many the session has besides.
-  LocalContact(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping& mapping,
-               std::vector<rtbus::shapes::StandingShape> standing = {}, KnownBoxes boxes = {},
+  /// @param known Shapes of bodies. @param other_hands How many the session has besides.
+  LocalContact(double stiffness_n_per_m, double damping_n_s_per_m, const Mapping& mapping, KnownShapes known = {},
                std::size_t other_hands = 0)
       : stiffness_n_per_m_(stiffness_n_per_m),
         damping_n_s_per_m_(damping_n_s_per_m),
         mapping_(mapping),
-        world_(std::move(standing), other_hands, {}, std::move(boxes)) {}
+        world_(std::move(known), other_hands) {}
 
   [[nodiscard]] std::string_view name() const noexcept override { return "local_contact"; }
   [[nodiscard]] bool needs_physics() const noexcept override { return true; }

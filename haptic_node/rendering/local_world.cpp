@@ -164,7 +164,7 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigi
   for (std::size_t row = 0; row < rigid_rows; ++row) {
     if (answer.body_kind[row] == 0) continue;
     const bool sleeps = count[row] == 0 && row < complete && answer.body_friction_bound_n[row] > 0.0;
-    const bool corners = boxes_->box_of(answer.body_index[row]) != nullptr;
+    const bool corners = shapes_.known().has_corners(answer.body_index[row]);
     rows += 1 + (loosest[row] > 0.0 ? 0
                  : sleeps           ? 1
                                     : static_cast<int>(corners ? FreeBody::kCorners * count[row] : count[row]));
@@ -203,7 +203,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
                           {other_hands_, answer, body.index},
                           rows_.data(),
                           tuning_,
-                          *boxes_,
+                          shapes_.known(),
                           world_before_s_,
                           networked_,
                           proxy_kg_};
@@ -225,7 +225,21 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
   }
   if (networked_ && body.as<FreeBody>() != nullptr) body.blend = body.blend.over_network(since.seconds());
   body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};
+  follow_shape(told, body);
   return turned;
+}
+
+/// Contacts follow the shape of what stands, of what moves by itself, and of what forces move alone. A body of a pile
+/// is known by its planes: it does not turn as the pile does.
+void LocalWorld::follow_shape(const ToldBody& told, LocalBody& body) const noexcept {
+  const int shape = shapes_.known().index_of(body.index);
+  const auto* const free = body.as<FreeBody>();
+  const bool stands = body.as<FixedBody>() != nullptr;
+  const bool moves = free != nullptr ? free->has_shape() : body.as<DrivenBody>() != nullptr && told.knows_orientation();
+  const bool follows = shape >= 0 && (shapes_.known()[shape].stands ? stands : moves);
+  body.shape = follows ? shape : -1;
+  if (!follows || stands) return;
+  body.origin_B_m = told.origin_B_m();
 }
 
 void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept {
@@ -282,7 +296,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   ease(spring, h);
   const SolverBody& proxy = solver_bodies_[0];
   const Vector3d& solved_m_s = proxy.velocity_m_s;
-  proxy_.velocity_m_s = shapes_.any_named()
+  proxy_.velocity_m_s = !shapes_.named().empty()
                             ? Vector3d(shapes_.free_way_m(proxy_.position_m, proxy_.radius_m, h * solved_m_s,
                                                           shapes_.look_m(proxy_.velocity_m_s.norm(), h)) /
                                        h)

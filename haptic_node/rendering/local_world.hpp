@@ -5,27 +5,24 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/hand_impulses.hpp"
-#include "haptic_node/rendering/known_boxes.hpp"
+#include "haptic_node/rendering/known_shapes.hpp"
 #include "haptic_node/rendering/local_body.hpp"
+#include "haptic_node/rendering/near_shapes.hpp"
 #include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
-#include "haptic_node/rendering/static_shapes.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "haptic_node/rendering/world_clock.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
-#include "rtbus/shapes/standing_shape.hpp"
 
 namespace haptic {
 
@@ -52,17 +49,11 @@ class LocalWorld {
  public:
   /// Those of the answer, and a few that are felt still while their contacts recede.
   static constexpr std::size_t kBodies = rtbus::kContactSlots + 4;
-  /// @param standing Static bodies whose shape is known: their contacts follow it in each step, whatever plane an
-  /// answer told. They stay as long as this object.
+  /// @param known Shapes of bodies: their contacts follow it in each step, whatever plane an answer told, and the
+  /// supports of boxes are found in each step.
   /// @param other_hands Hands besides this one that may push the same bodies.
-  /// @param boxes Bodies that forces move, whose supports are found in each step.
-  explicit LocalWorld(std::vector<rtbus::shapes::StandingShape> standing = {}, std::size_t other_hands = 0,
-                      const Tuning& tuning = {}, KnownBoxes boxes = {})
-      : tuning_(tuning),
-        shapes_(std::move(standing), tuning),
-        boxes_(std::make_shared<const KnownBoxes>(std::move(boxes))),
-        contacts_(tuning),
-        other_hands_(other_hands) {}
+  explicit LocalWorld(KnownShapes known = {}, std::size_t other_hands = 0, const Tuning& tuning = {})
+      : tuning_(tuning), shapes_(std::move(known), tuning), contacts_(tuning), other_hands_(other_hands) {}
 
   /// Puts the proxy there, at rest, and forgets everything else.
   void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
@@ -107,6 +98,7 @@ class LocalWorld {
   void free_slot(std::size_t slot) noexcept;
   [[nodiscard]] Eigen::Quaterniond take_body(const ToldBody& told, std::size_t slot, int parts,
                                              std::uint64_t now_ns) noexcept;
+  void follow_shape(const ToldBody& told, LocalBody& body) const noexcept;
   void take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept;
   void pull_proxy(const LocalSpring& spring, double h) noexcept;
   void begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept;
@@ -119,8 +111,7 @@ class LocalWorld {
   void move_bodies(double h) noexcept;
 
   Tuning tuning_;
-  StaticShapes shapes_;
-  std::shared_ptr<const KnownBoxes> boxes_;  ///< Bodies point into it, those of a copy too.
+  NearShapes shapes_;
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
   std::optional<Eigen::Vector3d> foreseen_n_s_;        ///< By foresee(), for the next step.

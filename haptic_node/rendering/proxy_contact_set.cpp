@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <Eigen/Geometry>
 
@@ -68,39 +69,31 @@ void ProxyContactSet::roll(Contact& contact, Bodies bodies, const LocalProxy& pr
   contact.from_centre_m = middle + contact.radius_m * contact.normal;
 }
 
-/// On a hull the contact is where the hull is nearest to the proxy. Inside of it, it stays the plane that it was.
-void ProxyContactSet::follow_hull(Contact& contact, Bodies bodies, const LocalProxy& proxy,
-                                  StaticShapes& shapes) noexcept {
-  Vector3d point_m;
-  if (!shapes.nearest_of_hull(contact.standing, proxy.position_m, point_m, contact.normal)) return;
-  contact.from_centre_m = point_m - bodies[contact.body].motion.centre_m;
-}
-
-/// Likewise of a box that forces move. One that falls past the proxy turns the force no faster than the hand follows.
-void ProxyContactSet::follow_box(Contact& contact, Bodies bodies, const LocalProxy& proxy, double h) noexcept {
-  const auto* const free = bodies[contact.body].as<FreeBody>();
-  if (free == nullptr) return;
-  Vector3d normal;
-  if (!free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m, normal)) {
-    return;
-  }
-  const double angle = std::acos(std::clamp(normal.dot(contact.normal), -1.0, 1.0)), most = kFastestTurn_rad_s * h;
+/// On a convex shape the contact is where that is nearest to the proxy. Inside of it, it stays the plane that it was.
+/// @param most_rad So far a body that forces move turns it: one that falls past the proxy turns the force no faster
+/// than the hand follows.
+void ProxyContactSet::follow(Contact& contact, Bodies bodies, const LocalProxy& proxy, NearShapes& shapes,
+                             double most_rad) noexcept {
+  const LocalBody& body = bodies[contact.body];
+  Vector3d point_m, normal;
+  if (!shapes.nearest(body, proxy.position_m, point_m, normal)) return;
+  contact.from_centre_m = point_m - body.motion.centre_m;
   const Vector3d axis = contact.normal.cross(normal);
-  if (angle <= most || axis.squaredNorm() < kSameDirection) {
+  const double angle_rad = std::acos(std::clamp(normal.dot(contact.normal), -1.0, 1.0));
+  if (body.as<FreeBody>() == nullptr || angle_rad <= most_rad || axis.squaredNorm() < kSameDirection) {
     contact.normal = normal;
   } else {
-    contact.normal = Eigen::AngleAxisd(most, axis.normalized()) * contact.normal;
+    contact.normal = Eigen::AngleAxisd(most_rad, axis.normalized()) * contact.normal;
   }
 }
 
 /// The contacts of one surface, anew: where its distance to the proxy has a minimum.
-void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const LocalProxy& proxy, double h,
-                                     const StaticShapes& shapes) noexcept {
-  const StaticShapes::Named& named = shapes.named()[index];
+void ProxyContactSet::follow_surface(const NearShapes::Named& named, Bodies bodies, const LocalProxy& proxy, double h,
+                                     const NearShapes& shapes) noexcept {
   const Vector3d& centre_m = bodies[named.body].motion.centre_m;
   std::size_t old_count = 0, kept = 0;
   for (std::size_t i = 0; i < count_; ++i) {
-    if (contacts_[i].standing == static_cast<int>(index) && !contacts_[i].fades) {
+    if (contacts_[i].surface == named.shape && !contacts_[i].fades) {
       old_[old_count++] = contacts_[i];
     } else {
       if (kept != i) contacts_[kept] = contacts_[i];
@@ -108,18 +101,18 @@ void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const Loc
     }
   }
   count_ = kept;
-  StaticShapes::Minima minima;
+  NearShapes::Minima minima;
   const double reach_m = proxy.radius_m + shapes.look_m(proxy.velocity_m_s.norm(), h);
-  const std::size_t found = shapes.minima(index, proxy.position_m, reach_m, minima);
+  const std::size_t found = shapes.minima(named.shape, proxy.position_m, reach_m, minima);
   std::array<bool, kContacts> matched{};
   for (std::size_t m = 0; m < found && count_ < kContacts; ++m) {
     Contact contact;
     contact.body = named.body;
-    contact.standing = static_cast<int>(index);
+    contact.surface = named.shape;
     contact.feature = minima[m].feature;
     contact.friction = named.friction;
     contact.from_centre_m = minima[m].point_m - centre_m;
-    const bool clear = minima[m].distance_m >= StaticShapes::kSurface_m;
+    const bool clear = minima[m].distance_m >= NearShapes::kSurface_m;
     if (clear) contact.normal = (proxy.position_m - centre_m - contact.from_centre_m) / minima[m].distance_m;
     std::size_t best = old_count;
     double best_cosine = tuning_.same_plane_cosine;
@@ -146,12 +139,12 @@ void ProxyContactSet::follow_surface(std::size_t index, Bodies bodies, const Loc
   }
 }
 
-/// @returns whether a contact of the answer with that row's body is on a surface, whose contacts each step finds.
-bool ProxyContactSet::name_surface(const TakenAnswer& taken, std::size_t row, double friction, const LocalProxy& proxy,
-                                   StaticShapes& shapes) noexcept {
-  const int index = shapes.index_of(taken.answer.body_index[row]);
-  if (index < 0 || !shapes.holds(proxy.radius_m) || !shapes.is_surface(index)) return false;
-  shapes.name(index, {true, taken.slot_of_row[row], friction});
+/// @returns whether a contact of the answer with that body is on a surface, whose contacts each step finds.
+bool ProxyContactSet::name_surface(std::size_t body, double friction, Bodies bodies, const LocalProxy& proxy,
+                                   NearShapes& shapes) noexcept {
+  const int shape = bodies[body].shape;
+  if (!shapes.is_surface(shape) || !shapes.holds(proxy.radius_m)) return false;
+  shapes.name({shape, body, friction});
   return true;
 }
 
@@ -225,7 +218,7 @@ void ProxyContactSet::remember(Bodies bodies, const LocalProxy& proxy) noexcept 
 }
 
 std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bodies, const LocalProxy& proxy,
-                                            StaticShapes& shapes) noexcept {
+                                            NearShapes& shapes) noexcept {
   const rtbus::ProxyContacts& answer = taken.answer;
   const std::size_t old_count = count_;
   std::copy_n(contacts_.begin(), old_count, old_.begin());
@@ -235,22 +228,19 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
   std::optional<double> correction_m;
   for (std::size_t i = 0; i < contacts_of(answer); ++i) {
     const std::size_t row = answer.contact_body[i];
-    if (row >= taken.rigid_rows || name_surface(taken, row, answer.contact_friction[i], proxy, shapes)) continue;
+    if (row >= taken.rigid_rows) continue;
+    const std::size_t slot = taken.slot_of_row[row];
+    if (name_surface(slot, answer.contact_friction[i], bodies, proxy, shapes)) continue;
     Contact& contact = contacts_[count_++];
     contact = Contact{};
     contact.named_ns = taken.now_ns;
-    contact.body = taken.slot_of_row[row];
+    contact.body = slot;
     contact.from_centre_m =
         taken.turned[row] * (vector_of(answer.contact_point_m[i]) - vector_of(answer.body_centre_m[row]));
     contact.normal = taken.turned[row] * vector_of(answer.contact_normal[i]);
     contact.friction = answer.contact_friction[i];
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
-    contact.standing = shapes.index_of(answer.body_index[row]);
-    if (contact.standing >= 0) follow_hull(contact, bodies, proxy, shapes);
-    if (const auto* const free = bodies[contact.body].as<FreeBody>()) {
-      (void)free->nearest_of_box(bodies[contact.body].motion.centre_m, proxy.position_m, contact.from_centre_m,
-                                 contact.normal);
-    }
+    follow(contact, bodies, proxy, shapes, std::numbers::pi);
     const double gap_m = gap_of(contact, bodies, proxy);
     const std::size_t best = match(contact, old_count, matched);
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
@@ -286,9 +276,7 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     if (matched[j] || !old_[j].felt() || !bodies[old_[j].body].used) continue;
     Contact& contact = contacts_[count_++];
     contact = old_[j];
-    const bool found_anew =
-        !contact.fades && contact.standing >= 0 && shapes.named()[static_cast<std::size_t>(contact.standing)].named;
-    if (found_anew) {
+    if (!contact.fades && shapes.is_named(contact.surface)) {
       correction_m = correction_m.value_or(0.0);
       continue;
     }
@@ -325,16 +313,13 @@ void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
 }
 
 std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, const Vector3d& free_m_s, double h,
-                                    StaticShapes& shapes, SolverContact* rows, std::span<bool> touched) noexcept {
-  for (std::size_t i = 0; shapes.any_named() && i < shapes.named().size(); ++i) {
-    if (shapes.named()[i].named) follow_surface(i, bodies, proxy, h, shapes);
-  }
+                                    NearShapes& shapes, SolverContact* rows, std::span<bool> touched) noexcept {
+  for (const NearShapes::Named& each : shapes.named()) follow_surface(each, bodies, proxy, h, shapes);
   std::size_t count = 0;
   for (std::size_t i = 0; i < count_; ++i) {
     Contact& contact = contacts_[i];
     if (contact.radius_m > 0.0) roll(contact, bodies, proxy);
-    if (contact.standing >= 0 && !contact.fades) follow_hull(contact, bodies, proxy, shapes);
-    if (!contact.fades) follow_box(contact, bodies, proxy, h);
+    if (!contact.fades) follow(contact, bodies, proxy, shapes, kFastestTurn_rad_s * h);
     const Vector3d surface = carried_m_s(contact, bodies[contact.body].motion) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;

@@ -14,7 +14,7 @@
 
 #include "haptic_node/rendering/contact_solver.hpp"
 #include "haptic_node/rendering/local_body.hpp"
-#include "haptic_node/rendering/static_shapes.hpp"
+#include "haptic_node/rendering/near_shapes.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
@@ -37,8 +37,8 @@ struct TakenAnswer {
   std::span<const Eigen::Quaterniond> turned;  ///< Each row's body, from the answer's instant to now.
 };
 
-/// A contact is a plane or a part of a ball on its body, or follows a static shape. What an answer moves starts where
-/// it was felt, and comes to its place with the blend of its body. @realtime Everything.
+/// A contact is a plane or a part of a ball on its body, or follows the body's known shape. What an answer moves starts
+/// where it was felt, and comes to its place with the blend of its body. @realtime Everything.
 class ProxyContactSet {
  public:
   static constexpr std::size_t kContacts = rtbus::kContactSlots + 8;  ///< Those of an answer, and some that recede.
@@ -49,8 +49,8 @@ class ProxyContactSet {
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
     double radius_m = 0.0;      ///< Of the ball whose surface it is; 0: a plane.
-    int standing = -1;          ///< Static shape that it follows; −1: none.
-    std::uint64_t feature = 0;  ///< Of a surface: what it is on.
+    int surface = -1;           ///< Known surface on which it is found anew in each step; −1: none …
+    std::uint64_t feature = 0;  ///< … and what of it it is on.
     double friction = 0.0;
     double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in …
     double blend_m_s = 0.0;                                 ///< … and how fast the surface rises by that.
@@ -79,7 +79,7 @@ class ProxyContactSet {
   /// After it has moved the bodies.
   /// @returns how far that moves the surfaces that are felt, along their normals: the largest; none: nothing is felt.
   std::optional<double> take(const TakenAnswer& taken, Bodies bodies, const LocalProxy& proxy,
-                             StaticShapes& shapes) noexcept RTBUS_NONBLOCKING;
+                             NearShapes& shapes) noexcept RTBUS_NONBLOCKING;
 
   /// Surfaces go on to where physics has them, in a step of `h`.
   void blend(Bodies bodies, double h) noexcept RTBUS_NONBLOCKING;
@@ -87,7 +87,7 @@ class ProxyContactSet {
   /// The rows of contacts that the proxy may reach in a step of `h` if it goes at `free_m_s`. @returns how many, at
   /// most kSolved; touched bodies are marked.
   std::size_t gather(Bodies bodies, const LocalProxy& proxy, const Eigen::Vector3d& free_m_s, double h,
-                     StaticShapes& shapes, SolverContact* rows, std::span<bool> touched) noexcept RTBUS_NONBLOCKING;
+                     NearShapes& shapes, SolverContact* rows, std::span<bool> touched) noexcept RTBUS_NONBLOCKING;
   /// How fast the surface goes by the motion of its body. What fades goes away with it, and no way else.
   [[nodiscard]] static Eigen::Vector3d carried_m_s(const Contact& contact,
                                                    const BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
@@ -99,12 +99,12 @@ class ProxyContactSet {
  private:
   [[nodiscard]] static double gap_of(const Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept;
   static void roll(Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept;
-  static void follow_hull(Contact& contact, Bodies bodies, const LocalProxy& proxy, StaticShapes& shapes) noexcept;
-  static void follow_box(Contact& contact, Bodies bodies, const LocalProxy& proxy, double h) noexcept;
-  void follow_surface(std::size_t index, Bodies bodies, const LocalProxy& proxy, double h,
-                      const StaticShapes& shapes) noexcept;
-  [[nodiscard]] static bool name_surface(const TakenAnswer& taken, std::size_t row, double friction,
-                                         const LocalProxy& proxy, StaticShapes& shapes) noexcept;
+  static void follow(Contact& contact, Bodies bodies, const LocalProxy& proxy, NearShapes& shapes,
+                     double most_rad) noexcept;
+  void follow_surface(const NearShapes::Named& named, Bodies bodies, const LocalProxy& proxy, double h,
+                      const NearShapes& shapes) noexcept;
+  [[nodiscard]] static bool name_surface(std::size_t body, double friction, Bodies bodies, const LocalProxy& proxy,
+                                         NearShapes& shapes) noexcept;
   [[nodiscard]] bool names(const TakenAnswer& taken, std::size_t row, const Eigen::Vector3d& normal) const noexcept;
   /// A plane that the proxy's centre is so far behind leads through its body.
   [[nodiscard]] double behind_m(const LocalProxy& proxy) const noexcept {

@@ -38,8 +38,7 @@ std::unique_ptr<Method> make_virtual_coupling(const MethodContext& context) {
 
 std::unique_ptr<Method> make_local_contact(const MethodContext& context) {
   return std::make_unique<LocalContact>(context.stiffness_n_per_m, context.damping_n_s_per_m, context.mapping,
-                                        context.standing, KnownBoxes(context.shapes, context.boxes),
-                                        context.other_hands);
+                                        context.known, context.other_hands);
 }
 
 constexpr std::array kMethods{

@@ -10,8 +10,8 @@
 #include "haptic_node/rendering/echo.hpp"
 #include "haptic_node/rendering/mapping.hpp"
 #include "haptic_node/rendering/method.hpp"
+#include "rtbus/shapes/known_shape.hpp"
 #include "rtbus/shapes/shapes.hpp"
-#include "rtbus/shapes/standing_shape.hpp"
 
 namespace haptic {
 
@@ -23,10 +23,9 @@ struct MethodContext {
   std::vector<rtbus::shapes::PlacedShape> shapes;  ///< Static analytic bodies of the scene, in W.
   bool paper = false;                              ///< `form: paper`.
   double proxy_mass_kg = 0.1;                      ///< In the world, for a method that simulates the proxy itself.
-  std::vector<rtbus::shapes::StandingShape> standing{};  ///< Static boxes, hulls and meshes of the scene, in W.
-  std::vector<std::pair<std::uint32_t, rtbus::shapes::Box>> boxes{};  ///< That forces move, by body.
-  std::size_t other_hands = 0;                                        ///< Haptic nodes of the session besides this one.
-  Echo echo{};                                                        ///< Of a network between the loop and physics.
+  std::vector<rtbus::shapes::KnownShape> known{};  ///< Shapes of the scene, for a method that finds contacts itself.
+  std::size_t other_hands = 0;                     ///< Haptic nodes of the session besides this one.
+  Echo echo{};                                     ///< Of a network between the loop and physics.
 };
 
 /// The force that physics computes for a method, if any.

@@ -38,6 +38,7 @@ struct BodyBehind {
   BodyKind kind = BodyKind::kStatic;
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();               ///< Centre of mass.
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< q_WB, set by the stepper.
+  Eigen::Vector3d origin_from_centre_m = Eigen::Vector3d::Zero();   ///< Of the body's frame; likewise.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
   double inverse_mass_per_kg = 0.0;                                     ///< 0: no force moves it.

@@ -1,6 +1,7 @@
 #include "rtbus/config/scene.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -9,6 +10,7 @@
 #include <utility>
 
 #include "rtbus/config/vector3.hpp"
+#include "rtbus/sample.hpp"
 
 namespace rtbus::config {
 namespace {
@@ -144,39 +146,66 @@ std::vector<shapes::PlacedShape> Scene::static_shapes() const {
   return out;
 }
 
-std::vector<shapes::StandingShape> Scene::standing_shapes() const {
-  std::vector<shapes::StandingShape> out;
+std::vector<shapes::KnownShape> Scene::known_shapes() const {
+  std::vector<shapes::KnownShape> out;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
-    if (body.type != BodyType::kStatic) continue;
-    const auto number = static_cast<std::uint32_t>(i);
-    if (const auto* mesh = std::get_if<Mesh>(&body.shape)) {
+    shapes::KnownShape known;
+    if (const auto* const mesh = std::get_if<Mesh>(&body.shape)) {
       auto surface = std::make_shared<const shapes::Surface>(mesh->surface->vertices_m, mesh->surface->triangles);
-      if (surface->triangle_count() > 0) out.push_back({std::move(surface), number, body.q_WB, body.p_WB});
-      continue;
+      if (surface->triangle_count() == 0) continue;
+      known.shape = std::move(surface);
+    } else if (const auto* const hull = std::get_if<ConvexHull>(&body.shape)) {
+      if (hull->points->vertices_m.size() > shapes::Hull::kMost) continue;
+      known.shape = shapes::Hull{hull->points->vertices_m};
+    } else if (const auto* const box = std::get_if<shapes::Box>(&body.shape)) {
+      known.shape = *box;
+    } else if (const auto* const capsule = std::get_if<Capsule>(&body.shape)) {
+      known.shape = *capsule;
+    } else if (const auto* const cylinder = std::get_if<Cylinder>(&body.shape)) {
+      known.shape = *cylinder;
+    } else if (!std::holds_alternative<shapes::Plane>(body.shape)) {
+      continue;  // a ball is told as one
     }
-    shapes::Hull hull;
-    if (const auto* box = std::get_if<shapes::Box>(&body.shape)) {
-      for (int corner = 0; corner < 8; ++corner) {
-        const Eigen::Vector3d sign((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1, (corner & 4) != 0 ? 1 : -1);
-        hull.points_m.emplace_back(sign.cwiseProduct(box->half_size_m));
-      }
-    } else if (const auto* points = std::get_if<ConvexHull>(&body.shape)) {
-      hull.points_m = points->points->vertices_m;
+    known.body = static_cast<std::uint32_t>(i);
+    known.stands = body.type == BodyType::kStatic;
+    if (known.stands) {
+      known.q_WB = body.q_WB;
+      known.p_WB = body.p_WB;
     }
-    if (hull.points_m.empty() || hull.points_m.size() > shapes::Hull::kMost) continue;
-    out.push_back({std::move(hull), number, body.q_WB, body.p_WB});
+    out.push_back(std::move(known));
   }
   return out;
 }
 
-std::vector<std::pair<std::uint32_t, shapes::Box>> Scene::free_boxes() const {
-  std::vector<std::pair<std::uint32_t, shapes::Box>> out;
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const auto* const box = std::get_if<shapes::Box>(&bodies[i].shape);
-    if (box != nullptr && bodies[i].type == BodyType::kDynamic) out.emplace_back(static_cast<std::uint32_t>(i), *box);
+std::uint64_t Scene::shape_hash() const {
+  using rtbus::detail::fnv1a;
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  const auto add = [&hash](const Eigen::Ref<const Eigen::VectorXd>& values) {
+    for (const double value : values) hash = fnv1a(std::bit_cast<std::uint64_t>(value + 0.0), hash);  // −0 is 0
+  };
+  const auto add_mesh = [&](const TriangleMesh& mesh) {
+    hash = fnv1a(mesh.vertices_m.size(), hash);
+    for (const Eigen::Vector3d& vertex : mesh.vertices_m) add(vertex);
+    for (const auto& corners : mesh.triangles) {
+      for (const std::uint32_t corner : corners) hash = fnv1a(corner, hash);
+    }
+  };
+  for (const Body& body : bodies) {
+    hash = fnv1a(static_cast<std::uint64_t>(body.type), fnv1a(body.shape.index(), hash));
+    if (body.type == BodyType::kStatic) {
+      add(body.q_WB.coeffs());
+      add(body.p_WB);
+    }
+    if (const auto* const mesh = std::get_if<Mesh>(&body.shape)) {
+      add_mesh(*mesh->surface);
+    } else if (const auto* const hull = std::get_if<ConvexHull>(&body.shape)) {
+      add_mesh(*hull->points);
+    } else {
+      add(extents_m(body.shape));
+    }
   }
-  return out;
+  return std::max<std::uint64_t>(hash, 1);
 }
 
 Scene read_scene(Map& map) {

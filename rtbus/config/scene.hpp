@@ -1,6 +1,7 @@
 #pragma once
 /// @file scene.hpp
 /// A scene file, `schema: scene/1`: what stands in the world. Both nodes read it.
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,8 +13,8 @@
 #include "rtbus/config/body_shape.hpp"
 #include "rtbus/config/document.hpp"
 #include "rtbus/config/soft_body.hpp"
+#include "rtbus/shapes/known_shape.hpp"
 #include "rtbus/shapes/shapes.hpp"
-#include "rtbus/shapes/standing_shape.hpp"
 
 namespace rtbus::config {
 
@@ -62,12 +63,13 @@ struct Scene {
   /// engine know.
   [[nodiscard]] std::vector<shapes::PlacedShape> static_shapes() const;
 
-  /// The boxes, convex hulls and meshes that never move, without hulls of more than Hull::kMost points: what
-  /// `local_contact` knows the shape of.
-  [[nodiscard]] std::vector<shapes::StandingShape> standing_shapes() const;
+  /// Shapes that `local_contact` knows, in the scene's order: planes and meshes, which never move, boxes, capsules,
+  /// cylinders, and hulls of at most Hull::kMost points.
+  [[nodiscard]] std::vector<shapes::KnownShape> known_shapes() const;
 
-  /// The boxes that forces move: which body, and its shape.
-  [[nodiscard]] std::vector<std::pair<std::uint32_t, shapes::Box>> free_boxes() const;
+  /// Of what two processes must agree on to find the same contacts: kind and shape of all bodies, in order, and where
+  /// those are that never move. Never 0.
+  [[nodiscard]] std::uint64_t shape_hash() const;
 };
 
 /// Reads a scene from its map and finishes the map. Throws Error.

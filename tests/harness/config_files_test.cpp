@@ -215,10 +215,24 @@ TEST(HapticConfig, KnowsTheShapesOfTheFileOnlyWherePhysicsHasThem) {
     auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/tests/data/sessions/ridge.yaml",
                                                {rtbus::config::parse_override("physics.engine=" + engine),
                                                 rtbus::config::parse_override("haptic.0.method=local_contact")});
-    return haptic::read_haptic_config(session, 0).standing.size();
+    return haptic::read_haptic_config(session, 0).known.size();
   };
   EXPECT_EQ(known("analytic"), 1U);
   EXPECT_EQ(known("external"), 0U);
+  const auto hull = [](const std::string& engine, const std::string& type) {
+    auto session = rtbus::config::load_session(
+        std::string(RTBUS_SOURCE_DIR) + "/config/free_block.yaml",
+        {rtbus::config::parse_override("physics.engine=" + engine),
+         rtbus::config::parse_override("scene={schema: scene/1, bodies: [{name: wedge, " + type +
+                                       ", shape: {convex_hull: "
+                                       "{file: " +
+                                       std::string(RTBUS_SOURCE_DIR) +
+                                       "/config/scenes/meshes/wedge.obj, metres_per_unit: 1}}}]}")});
+    return haptic::read_haptic_config(session, 0).known.size();
+  };
+  EXPECT_EQ(hull("bullet", "type: dynamic, mass_kg: 0.1"), 1U);
+  EXPECT_EQ(hull("mujoco", "type: static"), 1U);
+  EXPECT_EQ(hull("mujoco", "type: dynamic, mass_kg: 0.1"), 0U) << "it is told in other axes than the file's";
 }
 
 class BadNode : public testing::TestWithParam<BadConfig> {};

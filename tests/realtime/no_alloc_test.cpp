@@ -230,7 +230,7 @@ class Physics {
   explicit Physics(rtbus::config::SessionConfig& session)
       : config_(physics::read_node_config(session)),
         stepper_(physics::make_world(config_.physics.engine, config_.scene, config_.physics.engine_settings()),
-                 config_.proxies, config_.physics.parts_per_step()),
+                 config_.proxies, config_.physics.parts_per_step(), config_.shape_hash()),
         beat_(*rtbus::Writer<rtbus::Heartbeat>::create(session.session, "physics.heartbeat")) {
     for (const physics::ProxyConfig& proxy : config_.proxies) {
       const std::string& name = proxy.device;

@@ -10,8 +10,7 @@ using rtbus::vector_of;
 
 AnswerJumps::AnswerJumps(const haptic::HapticConfig& config)
     : mapping_(config.mapping),
-      method_(config.stiffness_n_per_m, config.damping_n_s_per_m, mapping_, config.standing,
-              haptic::KnownBoxes(config.shapes, config.boxes)),
+      method_(config.stiffness_n_per_m, config.damping_n_s_per_m, mapping_, config.known),
       dt_s_(static_cast<double>(config.period_ns()) * 1e-9) {}
 
 double AnswerJumps::see(const rtbus::Telemetry& tick) {

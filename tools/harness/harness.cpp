@@ -123,7 +123,8 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     }
     auto world = physics::make_world(physics_->engine, session.scene, physics_->engine_settings());
     if (options.around_world) world = options.around_world(std::move(world));
-    stepper_ = std::make_unique<physics::Stepper>(std::move(world), physics.proxies, physics_->substeps);
+    stepper_ =
+        std::make_unique<physics::Stepper>(std::move(world), physics.proxies, physics_->substeps, physics.shape_hash());
     next_step_ns_ = kStart_ns + to_ns(options.physics_phase_s);
   }
 }

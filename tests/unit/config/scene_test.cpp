@@ -1,6 +1,9 @@
 #include "rtbus/config/scene.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <string>
@@ -146,6 +149,73 @@ TEST(Scene, ReadsObjFilesWithPolygonsAndCountsFromTheEnd) {
   EXPECT_EQ(surface.triangles[1], (std::array<std::uint32_t, 3>{3, 1, 0}));
   EXPECT_EQ(surface.triangles[4], (std::array<std::uint32_t, 3>{0, 1, 5}));
   EXPECT_TRUE(scene.static_shapes().empty()) << "direct knows neither hulls nor meshes";
+}
+
+/// A file in memory: megabytes need not go to a disk.
+class MemoryFile {
+ public:
+  explicit MemoryFile(const std::string& text) : file_(memfd_create("obj", 0)) {
+    EXPECT_EQ(::write(file_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  }
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+  ~MemoryFile() { ::close(file_); }
+  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(file_); }
+
+ private:
+  int file_;
+};
+
+// A mesh of a million triangles is read; what is beyond that is refused where it begins.
+TEST(Scene, RefusesMeshesOfMoreThanItHolds) {
+  std::string fan = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf";
+  for (int i = 0; i < 2'000'003; ++i) fan += i % 2 == 0 ? " 1" : " 3";
+  const MemoryFile many(fan);
+  EXPECT_THAT([&] { (void)rtbus::config::read_obj(many.path(), 1.0); },
+              testing::ThrowsMessage<rtbus::config::Error>(testing::HasSubstr(":5: more than 2000000 triangles")));
+  std::string points;
+  for (int i = 0; i <= 1'000'000; ++i) points += "v 0 0 0\n";
+  const MemoryFile full(points);
+  EXPECT_THAT([&] { (void)rtbus::config::read_obj(full.path(), 1.0); },
+              testing::ThrowsMessage<rtbus::config::Error>(testing::HasSubstr(":1000001: more than 1000000 vertices")));
+}
+
+TEST(Scene, HasAHashOfWhatContactsAreFoundWith) {
+  const tests::TemporaryFolder folder;
+  const std::string cube = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 3\nf 1 3 4\n";
+  const auto hash_of = [&](const std::string& obj, const std::string& box, const std::string& more) {
+    folder.write("cube.obj", obj);
+    Map map =
+        load(folder.write("scene.yaml",
+                          "schema: scene/1\nbodies:\n"
+                          "  - {name: hill, type: static, shape: {mesh: {file: cube.obj}}" +
+                              more +
+                              "}\n"
+                              "  - {name: stone, type: dynamic, mass_kg: 1, shape: {convex_hull: {file: cube.obj}}}\n"
+                              "  - {name: box, " +
+                              box + "}\n"));
+    return read_scene(map).shape_hash();
+  };
+  const std::string box = "type: dynamic, mass_kg: 1, shape: {box: {size_m: [1, 2, 3]}}, position_m: [0, 5, 0]";
+  const std::uint64_t hash = hash_of(cube, box, "");
+  EXPECT_NE(hash, 0U);
+  EXPECT_EQ(hash_of(cube, box, ", position_m: [0, -0.0, 0]"), hash) << "the same once more";
+  EXPECT_EQ(hash_of(cube,
+                    "type: dynamic, mass_kg: 2, shape: {box: {size_m: [1, 2, 3]}}, position_m: [0, 6, 0], "
+                    "friction: 1",
+                    ", friction: 1"),
+            hash)
+      << "answers tell masses, friction and where bodies are";
+  const std::string vertex = "v 0 0 0\nv 1 0 0\nv 1 1 0.001\nv 0 1 1\nf 1 2 3\nf 1 3 4\n";
+  const std::string turned = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 4\nf 1 3 4\n";
+  EXPECT_NE(hash_of(vertex, box, ""), hash);
+  EXPECT_NE(hash_of(turned, box, ""), hash);
+  EXPECT_NE(hash_of(cube, box, ", position_m: [0, 0.001, 0]"), hash);
+  EXPECT_NE(hash_of(cube, box, ", orientation_wxyz: [1, 0.01, 0, 0]"), hash);
+  EXPECT_NE(
+      hash_of(cube, "type: dynamic, mass_kg: 1, shape: {box: {size_m: [1, 2, 3.001]}}, position_m: [0, 5, 0]", ""),
+      hash);
+  EXPECT_NE(hash_of(cube, "type: static, shape: {box: {size_m: [1, 2, 3]}}, position_m: [0, 5, 0]", ""), hash);
 }
 
 TEST(BodyMotion, OfATargetIsWithinSpeedRateAndReach) {

@@ -47,6 +47,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
     out.value.device_sequence = proxy_.value.device_sequence;
     out.value.device_time_ns = sample_time_ns_ - contacts_lag_ns;
     out.value.mapping_epoch = proxy_.value.mapping_epoch;
+    out.value.shape_hash = shape_hash;
     return true;
   }
   [[nodiscard]] bool receive(rtbus::Stamped<rtbus::Heartbeat>& out) noexcept RTBUS_NONBLOCKING override {
@@ -63,6 +64,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
   bool silent = false;
   std::uint64_t lag_ns = 0, contacts_lag_ns = 0;
   std::uint32_t epoch_bits = 0;        ///< Wrong ones.
+  std::uint64_t shape_hash = 0;        ///< Of its scene.
   std::uint64_t step_ns = kPeriod_ns;  ///< That it declares.
 
  private:
@@ -72,6 +74,7 @@ class TalkingPhysics final : public haptic::PhysicsLink {
 
 class AbsurdPhysics : public testing::TestWithParam<const char*> {
  protected:
+  void SetUp() override { link_.shape_hash = config_.shape_hash; }
   void talk_sense() {
     link_.position_m = {0.0, 0.001, 0.0};  // 1 mm above the hand
     link_.hand_force_n = {0.0, 0.2, 0.0};
@@ -261,6 +264,37 @@ TEST_P(ContactsOfLongAgo, AreALossEvenBesideAProxyOfNow) {
   EXPECT_EQ(loop_.stats().losses, 1u);
   EXPECT_EQ(loop_.telemetry().gate, 1.0);
 }
+
+// The loop would find contacts on shapes that are not there. Other methods know no shapes.
+class OtherScene : public AbsurdPhysics {
+ protected:
+  /// @returns how often that happened in so many cycles.
+  int events(int cycles, haptic::LoopEvent wanted) {
+    int out = 0;
+    for (int i = 0; i < cycles; ++i) {
+      run(1);
+      for (auto event = loop_.take_event(); event != haptic::LoopEvent::kNone; event = loop_.take_event()) {
+        out += event == wanted ? 1 : 0;
+      }
+    }
+    return out;
+  }
+};
+
+TEST_P(OtherScene, IsSaidOnceAndGivesNoForceUntilItIsTheSame) {
+  ASSERT_NE(config_.shape_hash, 0U);
+  run(2000);
+  ASSERT_EQ(loop_.telemetry().gate, 1.0);
+  link_.shape_hash ^= 1;
+  EXPECT_EQ(events(1000, haptic::LoopEvent::kOtherScene), 1);
+  EXPECT_EQ(loop_.telemetry().gate, 0.0);
+  link_.shape_hash ^= 1;
+  EXPECT_EQ(events(1000, haptic::LoopEvent::kLinkAlive), 1);
+  EXPECT_EQ(loop_.telemetry().gate, 1.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Methods, OtherScene, testing::Values("local_contact"),
+                         [](const auto& each) { return std::string(each.param); });
 
 INSTANTIATE_TEST_SUITE_P(Methods, ContactsOfLongAgo, testing::Values("local_contact"),
                          [](const auto& each) { return std::string(each.param); });

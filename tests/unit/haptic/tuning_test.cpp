@@ -32,7 +32,7 @@ constexpr double kH = 1e-3, kK = 500.0, kB = 0.5;
 
 /// A local world with a hand on it.
 struct Scene : tests::HeldWorld {
-  explicit Scene(const Tuning& tuning, std::vector<rtbus::shapes::StandingShape> shapes = {})
+  explicit Scene(const Tuning& tuning, std::vector<rtbus::shapes::KnownShape> shapes = {})
       : HeldWorld(kK, kB, std::move(shapes), 0, tuning) {
     world->reset(Vector3d::Zero());
   }
@@ -103,13 +103,13 @@ ProxyContacts soft_at(double proxy_m, double gap_m, double compliance_m_per_n) {
 }
 
 /// A hull of 20 mm around the origin, and the same as triangles.
-rtbus::shapes::StandingShape cube(bool triangles) {
+rtbus::shapes::KnownShape cube(bool triangles) {
   rtbus::shapes::Hull corners;
   for (int i = 0; i < 8; ++i) {
     corners.points_m.emplace_back((i & 1) != 0 ? 0.01 : -0.01, (i & 2) != 0 ? 0.01 : -0.01,
                                   (i & 4) != 0 ? 0.01 : -0.01);
   }
-  rtbus::shapes::StandingShape out;
+  rtbus::shapes::KnownShape out;
   if (!triangles) {
     out.shape = corners;
     return out;

@@ -17,13 +17,24 @@ using rtbus::ProxyContacts;
 constexpr double kStiffness = 500.0, kDepth_m = 0.002, kRadius_m = 0.001, kMost_n = 8.0;
 
 /// What the loop knows: the wall as a plane, and the body as a box.
-haptic::KnownBoxes known() {
+haptic::KnownShapes known(bool hull) {
   using rtbus::shapes::Box;
-  using rtbus::shapes::PlacedShape;
+  using rtbus::shapes::Hull;
+  using rtbus::shapes::KnownShape;
   using rtbus::shapes::Plane;
-  return {{PlacedShape{Plane{}, Eigen::Quaterniond::Identity(), Vector3d(0, -0.01, 0)},
-           PlacedShape{Box{Vector3d(0.03, 0.01, 0.02)}, Eigen::Quaterniond::Identity(), Vector3d(0.05, -0.02, 0)}},
-          {{1, Box{Vector3d(0.01, 0.01, 0.01)}}}};
+  const auto unturned = Eigen::Quaterniond::Identity();
+  KnownShape body{Box{Vector3d(0.01, 0.01, 0.01)}, 1, false};
+  if (hull) {
+    Hull points;
+    for (const double x : {-0.01, 0.01}) {
+      for (const double y : {-0.01, 0.01}) {
+        for (const double z : {-0.01, 0.01}) points.points_m.emplace_back(x, y, z);
+      }
+    }
+    body.shape = points;
+  }
+  return {{KnownShape{Plane{}, 2, true, unturned, Vector3d(0, -0.01, 0)},
+           KnownShape{Box{Vector3d(0.03, 0.01, 0.02)}, 3, true, unturned, Vector3d(0.05, -0.02, 0)}, body}};
 }
 
 /// A wall at y = 0, a body of 0.1 kg beside it on the same plane, and what holds it.
@@ -81,7 +92,8 @@ TEST(WildAnswers, LeaveNothingInWhatPhysicsIsTold) {
   std::mt19937_64 random(20);
   const haptic::Mapping mapping{haptic::MappingConfig{}};
   for (int round = 0; round < 400; ++round) {
-    haptic::LocalContact method(kStiffness, 0.5, mapping, {}, round % 2 == 0 ? haptic::KnownBoxes{} : known());
+    haptic::LocalContact method(kStiffness, 0.5, mapping,
+                                round % 2 == 0 ? haptic::KnownShapes{} : known(round % 4 == 1));
     std::uint64_t now_ns = rtbus::kNsPerS;
     Vector3d felt_n = Vector3d::Zero();
     haptic::RenderInput input;

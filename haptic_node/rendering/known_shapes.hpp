@@ -1,0 +1,81 @@
+#pragma once
+/// @file known_shapes.hpp
+/// The shapes that the scene tells, by body: so the loop finds by itself where a body is met, and where a box lies.
+/// Frame W, SI units.
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "rtbus/realtime.hpp"
+#include "rtbus/shapes/known_shape.hpp"
+
+namespace haptic {
+
+/// Does not change once it is made. @realtime Everything but the constructor.
+class KnownShapes {
+ public:
+  using Shape = rtbus::shapes::KnownShape;
+
+  KnownShapes() = default;
+  /// @param shapes At most one for each body.
+  KnownShapes(std::vector<Shape> shapes) : shapes_(std::move(shapes)) {  // NOLINT(google-explicit-constructor)
+    const auto by_body = [](const Shape& a, const Shape& b) { return a.body < b.body; };
+    std::stable_sort(shapes_.begin(), shapes_.end(), by_body);
+    for (const Shape& each : shapes_) {
+      if (!each.stands) continue;
+      if (std::holds_alternative<rtbus::shapes::Plane>(each.shape)) {
+        holders_.push_back({rtbus::shapes::Plane{}, each.q_WB, each.p_WB});
+      } else if (const auto* const box = std::get_if<rtbus::shapes::Box>(&each.shape)) {
+        holders_.push_back({*box, each.q_WB, each.p_WB});
+      }
+    }
+  }
+
+  [[nodiscard]] std::size_t size() const noexcept { return shapes_.size(); }
+  [[nodiscard]] const Shape& operator[](int index) const noexcept { return shapes_[static_cast<std::size_t>(index)]; }
+
+  /// @returns which one that body of the scene is; −1: none.
+  [[nodiscard]] int index_of(std::uint32_t body) const noexcept RTBUS_NONBLOCKING {
+    const auto found = std::lower_bound(shapes_.begin(), shapes_.end(), body,
+                                        [](const Shape& each, std::uint32_t wanted) { return each.body < wanted; });
+    return found != shapes_.end() && found->body == body ? static_cast<int>(found - shapes_.begin()) : -1;
+  }
+
+  /// @returns the shape of a body that moves; nullptr: it is none, or not known.
+  [[nodiscard]] const Shape* mover_of(std::uint32_t body) const noexcept RTBUS_NONBLOCKING {
+    const int index = index_of(body);
+    return index < 0 || (*this)[index].stands ? nullptr : &(*this)[index];
+  }
+
+  /// Whether that body moves, and its corners are known: those of a box or a hull.
+  [[nodiscard]] bool has_corners(std::uint32_t body) const noexcept RTBUS_NONBLOCKING {
+    const Shape* const mover = mover_of(body);
+    return mover != nullptr && (std::holds_alternative<rtbus::shapes::Box>(mover->shape) ||
+                                std::holds_alternative<rtbus::shapes::Hull>(mover->shape));
+  }
+
+  /// The plane or box that stands and whose surface is there and looks that way; nullptr: none that is known.
+  [[nodiscard]] const rtbus::shapes::PlacedShape* holder_at(
+      const Eigen::Vector3d& point_m, const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
+    for (const rtbus::shapes::PlacedShape& holder : holders_) {
+      const rtbus::shapes::SurfacePoint nearest = rtbus::shapes::nearest_surface(holder, point_m);
+      if (std::abs(nearest.distance_m) <= kAtSurface_m && nearest.normal.dot(normal) >= kSameWay) return &holder;
+    }
+    return nullptr;
+  }
+
+ private:
+  static constexpr double kAtSurface_m = 1e-3;  ///< An engine lets bodies sink in, or keeps them apart, by less.
+  static constexpr double kSameWay = 0.95;      ///< 18 degrees.
+
+  std::vector<Shape> shapes_;  ///< By body.
+  std::vector<rtbus::shapes::PlacedShape> holders_;
+};
+
+}  // namespace haptic
