@@ -133,7 +133,7 @@ TEST_P(MovingShape, IsTouchedWhereItIsNow) {
     deepest_m = std::max(deepest_m, -apart_m);
     if (!touches) continue;
     ++touched;
-    ASSERT_LE(apart_m, 2e-5) << "tick " << i;
+    ASSERT_LE(apart_m, 1e-4) << "tick " << i << ": round a rim it goes straight for a tick";
     nearest_m = std::min(nearest_m, apart_m);
   }
   EXPECT_GT(touched, 200);
