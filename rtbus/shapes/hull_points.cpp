@@ -21,30 +21,38 @@ void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3
   out.count = 0;
   if (!std::holds_alternative<Plane>(plane.shape) || held.points_m.empty()) return;
   out.normal = plane.q_WB * Vector3d(Vector3d::UnitY());
-  // In the hull's frame: each point is looked at once for its height, and once for the way.
+  // In the hull's frame, where each point is looked at once for its height.
   const Vector3d up = q_WB.conjugate() * out.normal;
   const double origin_m = out.normal.dot(p_WB - plane.p_WB);
+  const std::size_t count = std::min(held.points_m.size(), Hull::kMost);
+  std::array<double, Hull::kMost> height_m;
   std::size_t lowest = 0;
-  for (std::size_t i = 1; i < held.points_m.size(); ++i) {
-    if (up.dot(held.points_m[i]) < up.dot(held.points_m[lowest])) lowest = i;
+  for (std::size_t i = 0; i < count; ++i) {
+    height_m[i] = up.dot(held.points_m[i]);
+    if (height_m[i] < height_m[lowest]) lowest = i;
   }
-  const double most_m = up.dot(held.points_m[lowest]) + kHigher_m;
   Eigen::Index axis = 0;
   (void)up.cwiseAbs().minCoeff(&axis);
   const Vector3d u = up.cross(Vector3d::Unit(axis)).normalized(), v = up.cross(u);
-  const std::array<Vector3d, FacePoints::kMost> ways{u + v, u - v, -u - v, v - u};
+  // Ahead, back, and to the sides along the diagonals of u and v.
   std::array<std::size_t, FacePoints::kMost> far;
   far.fill(lowest);
-  for (std::size_t i = 0; i < held.points_m.size(); ++i) {
-    if (up.dot(held.points_m[i]) > most_m) continue;
-    for (std::size_t k = 0; k < ways.size(); ++k) {
-      if (ways[k].dot(held.points_m[i]) > ways[k].dot(held.points_m[far[k]])) far[k] = i;
+  std::array<double, FacePoints::kMost> most_m;
+  most_m.fill(-std::numeric_limits<double>::infinity());
+  for (std::size_t i = 0; i < count; ++i) {
+    if (height_m[i] > height_m[lowest] + kHigher_m) continue;
+    const double along_m = u.dot(held.points_m[i]), across_m = v.dot(held.points_m[i]);
+    const std::array<double, FacePoints::kMost> way_m{along_m + across_m, along_m - across_m, -along_m - across_m,
+                                                      across_m - along_m};
+    for (std::size_t k = 0; k < way_m.size(); ++k) {
+      if (way_m[k] <= most_m[k]) continue;
+      most_m[k] = way_m[k];
+      far[k] = i;
     }
   }
   if (std::find(far.begin(), far.end(), lowest) == far.end()) {
-    *std::max_element(far.begin(), far.end(), [&](std::size_t a, std::size_t b) {
-      return up.dot(held.points_m[a]) < up.dot(held.points_m[b]);
-    }) = lowest;
+    *std::max_element(far.begin(), far.end(), [&](std::size_t a, std::size_t b) { return height_m[a] < height_m[b]; }) =
+        lowest;
   }
   for (std::size_t k = 0; k < far.size(); ++k) {
     if (std::find(far.begin(), far.begin() + static_cast<std::ptrdiff_t>(k), far[k]) !=
@@ -52,7 +60,7 @@ void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3
       continue;
     }
     out.point_m[out.count] = p_WB + q_WB * held.points_m[far[k]];
-    out.gap_m[out.count++] = origin_m + up.dot(held.points_m[far[k]]);
+    out.gap_m[out.count++] = origin_m + height_m[far[k]];
   }
 }
 

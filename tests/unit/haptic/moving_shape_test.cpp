@@ -124,17 +124,16 @@ TEST_P(MovingShape, IsTouchedWhereItIsNow) {
   // As physics would tell it of then: some plane of the body.
   held.world->take(answer_of(told, proxy_m - Vector3d(0, kRadius_m, 0), Vector3d::UnitY(), began_ns), held.now_ns);
   int touched = 0;
-  double nearest_m = 1.0, deepest_m = 0.0;
   for (int i = 1; i <= 600; ++i) {
     const bool touches = !held.tick(Vector3d(proxy_m - Vector3d(0, 0.002, 0))).isZero(0.0);
     const double apart_m = gap_m(held.world->position_m(), kAge_s + 1e-3 * i);
     if (i < 5) continue;  // what a tick without friction slides along an edge
     ASSERT_GE(apart_m, -2e-5) << "tick " << i;
-    deepest_m = std::max(deepest_m, -apart_m);
-    if (!touches) continue;
+    // What slides off a rim goes straight for a tick.
+    const bool slides = held.world->velocity_m_s().norm() > 0.1;
+    if (!touches || slides) continue;
     ++touched;
-    ASSERT_LE(apart_m, 1e-4) << "tick " << i << ": round a rim it goes straight for a tick";
-    nearest_m = std::min(nearest_m, apart_m);
+    ASSERT_LE(apart_m, 2e-5) << "tick " << i;
   }
   EXPECT_GT(touched, 200);
 }
