@@ -41,6 +41,12 @@ Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   return out;
 }
 
+/// @returns the least gap; none: there is no corner.
+double nearest_m(const rtbus::shapes::FacePoints& corners, double none_m) noexcept {
+  const auto end = corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count);
+  return corners.count > 0 ? *std::min_element(corners.gap_m.begin(), end) : none_m;
+}
+
 /// Only balls have contacts with a curvature.
 bool is_ball(const ToldBody& told) noexcept {
   const rtbus::ProxyContacts& answer = told.answer;
@@ -119,6 +125,8 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
     if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: stand_on()
     force_n_ -= support.force_n * support.normal;
     torque_n_m_ -= support.from_centre_m.cross(support.force_n * support.normal);
+    // A ball is held below its centre. Told is where it was at the beginning of physics' last step: behind what rolls.
+    if (ball_) support.from_centre_m = support.normal * support.normal.dot(support.from_centre_m);
     supported_ = true;
     for (std::size_t j = old_first; j < old_end; ++j) {
       if (old.rows[j].normal.dot(support.normal) < tuning.same_plane_cosine) continue;
@@ -130,27 +138,31 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
   support_count_ = supports.count - first_support_;
 }
 
-/// A box whose supports are all on faces that are known lies there with its corners. It tips, turns and slides off as
-/// they push.
+/// A box whose supports are all on planes and boxes that are known lies there with its corners, or with those of what
+/// holds it. It tips, turns and slides off as they push.
 bool FreeBody::lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, SupportPool& supports) noexcept {
-  const std::size_t more = (kCorners - 1) * support_count_;
-  if (box_ == nullptr || support_count_ > kFaces || supports.spare < more) return false;
+  if (box_ == nullptr) return false;
   std::array<Support, kFaces> held;
-  for (std::size_t i = 0; i < support_count_; ++i) {
-    held[i] = supports.rows[first_support_ + i];
-    const auto* const holder = boxes.holder_at(motion.centre_m + held[i].from_centre_m, held[i].normal);
+  face_count_ = 0;
+  for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
+    const Support& told = supports.rows[i];
     rtbus::shapes::FacePoints corners;
-    if (holder == nullptr ||
-        !rtbus::shapes::face_points(*box_, q_WB_, motion.centre_m, *holder, held[i].normal, corners) ||
-        corners.count == 0) {
-      return false;
+    const auto* const holder =
+        boxes.holder_of(*box_, q_WB_, motion.centre_m, motion.centre_m + told.from_centre_m, told.normal, corners);
+    if (holder == nullptr) return false;
+    std::size_t face = 0;
+    while (face < face_count_ && faces_[face].holder != holder) ++face;
+    if (face < face_count_) {
+      held[face].force_n += told.force_n;
+      continue;
     }
-    const double nearest_m =
-        *std::min_element(corners.gap_m.begin(), corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count));
-    faces_[i] = {holder, held[i].normal, nearest_m};
+    if (face_count_ == kFaces) return false;
+    held[face] = told;
+    faces_[face_count_++] = {holder, nearest_m(corners, 0.0)};
   }
+  const std::size_t more = kCorners * face_count_ - std::min(support_count_, kCorners * face_count_);
+  if (supports.spare < more) return false;
   lies_ = true;
-  face_count_ = support_count_;
   supports.spare -= more;
   supports.count = first_support_;
   for (std::size_t i = 0; i < face_count_; ++i) {
@@ -168,7 +180,7 @@ bool FreeBody::lie_on_faces(const KnownBoxes& boxes, const BodyMotion& motion, S
 void FreeBody::find_corners(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
   for (std::size_t i = 0; i < face_count_; ++i) {
     rtbus::shapes::FacePoints corners;
-    (void)rtbus::shapes::face_points(*box_, q_WB, centre_m, *faces_[i].holder, faces_[i].toward, corners);
+    (void)rtbus::shapes::face_points(*box_, q_WB, centre_m, *faces_[i].holder, corners);
     for (std::size_t k = 0; k < kCorners; ++k) {
       Support& support = supports.rows[first_support_ + kCorners * i + k];
       support.gap_m = kFar_m;

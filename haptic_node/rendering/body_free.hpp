@@ -81,7 +81,6 @@ class FreeBody {
   /// A face of what stands, on which the box lies with kCorners rows of the pool.
   struct HeldFace {
     const rtbus::shapes::PlacedShape* holder = nullptr;
-    Eigen::Vector3d toward = Eigen::Vector3d::UnitY();
     double rest_gap_m = 0.0;  ///< Where physics has it touch.
   };
   static constexpr std::size_t kFaces = 4;

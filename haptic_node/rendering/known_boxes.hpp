@@ -6,12 +6,13 @@
 #include <cmath>
 #include <cstdint>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "rtbus/realtime.hpp"
+#include "rtbus/shapes/face_points.hpp"
 #include "rtbus/shapes/shapes.hpp"
 
 namespace haptic {
@@ -32,13 +33,16 @@ class KnownBoxes {
     return found != boxes_.end() && found->first == body ? &found->second : nullptr;
   }
 
-  /// The plane or box whose surface is there and looks that way; nullptr: none that is known.
-  [[nodiscard]] const rtbus::shapes::PlacedShape* holder_at(
-      const Eigen::Vector3d& point_m, const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
+  /// The plane or box whose surface is there and on which `box` lies, by a contact that looks that way; nullptr: none
+  /// that is known. @param corners Of the contact.
+  [[nodiscard]] const rtbus::shapes::PlacedShape* holder_of(
+      const rtbus::shapes::Box& box, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& centre_m,
+      const Eigen::Vector3d& point_m, const Eigen::Vector3d& normal,
+      rtbus::shapes::FacePoints& corners) const noexcept RTBUS_NONBLOCKING {
     for (const rtbus::shapes::PlacedShape& holder : holders_) {
-      if (std::holds_alternative<rtbus::shapes::Sphere>(holder.shape)) continue;
-      const rtbus::shapes::SurfacePoint nearest = rtbus::shapes::nearest_surface(holder, point_m);
-      if (std::abs(nearest.distance_m) <= kAtSurface_m && nearest.normal.dot(normal) >= kSameWay) return &holder;
+      if (std::abs(rtbus::shapes::nearest_surface(holder, point_m).distance_m) > kAtSurface_m) continue;
+      if (!rtbus::shapes::face_points(box, q_WB, centre_m, holder, corners)) continue;
+      if (corners.normal.dot(normal) >= kSameWay) return &holder;
     }
     return nullptr;
   }
