@@ -28,6 +28,8 @@ constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
 /// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less.
 constexpr double kHeavy = 20.0;
+/// Cosine of 18 degrees: a support that looks that way is on that face.
+constexpr double kSameWay = 0.95;
 /// As old as an answer is without a network.
 constexpr double kGivesWay_s = 10e-3;
 
@@ -35,6 +37,12 @@ Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
   out << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
   return out;
+}
+
+/// @returns the least gap; none: there is no corner.
+double nearest_m(const rtbus::shapes::FacePoints& corners, double none_m) noexcept {
+  const auto end = corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count);
+  return corners.count > 0 ? *std::min_element(corners.gap_m.begin(), end) : none_m;
 }
 
 /// Only balls have contacts with a curvature.
@@ -117,6 +125,8 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
     if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: stand_on()
     force_n_ -= support.force_n * support.normal;
     torque_n_m_ -= support.from_centre_m.cross(support.force_n * support.normal);
+    // A ball is held below its centre. Told is where it was at the beginning of physics' last step: behind what rolls.
+    if (ball_) support.from_centre_m = support.normal * support.normal.dot(support.from_centre_m);
     supported_ = true;
     for (std::size_t j = old_first; j < old_end; ++j) {
       if (old.rows[j].normal.dot(support.normal) < tuning.same_plane_cosine) continue;
@@ -128,26 +138,32 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
   support_count_ = supports.count - first_support_;
 }
 
-/// A box or a hull whose supports are all on faces that are known lies there with its corners. It tips, turns and
-/// slides off as they push.
+/// A box or a hull whose supports are all on planes and boxes that are known lies there with its corners, or with those
+/// of what holds it. It tips, turns and slides off as they push.
 bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports) noexcept {
-  const std::size_t more = (kCorners - 1) * support_count_;
-  const bool has_corners = box_ != nullptr || hull_ != nullptr;
-  if (!has_corners || support_count_ > kFaces || supports.spare < more) return false;
+  if (box_ == nullptr && hull_ == nullptr) return false;
   std::array<Support, kFaces> held;
-  for (std::size_t i = 0; i < support_count_; ++i) {
-    held[i] = supports.rows[first_support_ + i];
-    const auto* const holder = shapes.holder_at(motion.centre_m + held[i].from_centre_m, held[i].normal);
+  face_count_ = 0;
+  for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
+    const Support& told = supports.rows[i];
     rtbus::shapes::FacePoints corners;
-    if (holder == nullptr || !corners_on(*holder, held[i].normal, motion.centre_m, motion.q_WB, corners)) {
-      return false;
+    const auto* const holder = shapes.holder_at(motion.centre_m + told.from_centre_m, [&](const auto& each) {
+      return corners_on(each, motion.centre_m, motion.q_WB, corners) && corners.normal.dot(told.normal) >= kSameWay;
+    });
+    if (holder == nullptr) return false;
+    std::size_t face = 0;
+    while (face < face_count_ && faces_[face].holder != holder) ++face;
+    if (face < face_count_) {
+      held[face].force_n += told.force_n;
+      continue;
     }
-    const double nearest_m =
-        *std::min_element(corners.gap_m.begin(), corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count));
-    faces_[i] = {holder, held[i].normal, nearest_m};
+    if (face_count_ == kFaces) return false;
+    held[face] = told;
+    faces_[face_count_++] = {holder, nearest_m(corners, 0.0)};
   }
+  const std::size_t more = kCorners * face_count_ - std::min(support_count_, kCorners * face_count_);
+  if (supports.spare < more) return false;
   lies_ = true;
-  face_count_ = support_count_;
   supports.spare -= more;
   supports.count = first_support_;
   for (std::size_t i = 0; i < face_count_; ++i) {
@@ -162,20 +178,17 @@ bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion,
   return true;
 }
 
-bool FreeBody::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& toward, const Vector3d& centre_m,
-                          const Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept {
-  if (box_ != nullptr) {
-    (void)rtbus::shapes::face_points(*box_, q_WB, centre_m, holder, toward, out);
-  } else {
-    rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, holder, out);
-  }
+bool FreeBody::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& centre_m, const Quaterniond& q_WB,
+                          rtbus::shapes::FacePoints& out) const noexcept {
+  if (box_ != nullptr) return rtbus::shapes::face_points(*box_, q_WB, centre_m, holder, out);
+  rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, holder, out);
   return out.count > 0;
 }
 
 void FreeBody::find_corners(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
   for (std::size_t i = 0; i < face_count_; ++i) {
     rtbus::shapes::FacePoints corners;
-    (void)corners_on(*faces_[i].holder, faces_[i].toward, centre_m, q_WB, corners);
+    (void)corners_on(*faces_[i].holder, centre_m, q_WB, corners);
     for (std::size_t k = 0; k < kCorners; ++k) {
       Support& support = supports.rows[first_support_ + kCorners * i + k];
       support.gap_m = kFar_m;

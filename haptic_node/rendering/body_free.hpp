@@ -65,10 +65,9 @@ class FreeBody {
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
   [[nodiscard]] bool lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports) noexcept;
-  /// Of the body, on what holds it. @returns whether there are any.
-  bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& toward,
-                  const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
-                  rtbus::shapes::FacePoints& out) const noexcept;
+  /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
+  bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
+                  const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
   /// The corners of all faces, where the body is now.
   void find_corners(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
                     SupportPool& supports) const noexcept;
@@ -83,7 +82,6 @@ class FreeBody {
   /// A face of what stands, on which the body lies with kCorners rows of the pool.
   struct HeldFace {
     const rtbus::shapes::PlacedShape* holder = nullptr;
-    Eigen::Vector3d toward = Eigen::Vector3d::UnitY();
     double rest_gap_m = 0.0;  ///< Where physics has it touch.
   };
   static constexpr std::size_t kFaces = 4;

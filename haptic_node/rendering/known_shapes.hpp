@@ -60,19 +60,20 @@ class KnownShapes {
                                 std::holds_alternative<rtbus::shapes::Hull>(mover->shape));
   }
 
-  /// The plane or box that stands and whose surface is there and looks that way; nullptr: none that is known.
-  [[nodiscard]] const rtbus::shapes::PlacedShape* holder_at(
-      const Eigen::Vector3d& point_m, const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
+  /// The plane or box that stands, whose surface is there, and that `holds` what is asked for; nullptr: none that is
+  /// known.
+  template <class Holds>
+  [[nodiscard]] const rtbus::shapes::PlacedShape* holder_at(const Eigen::Vector3d& point_m,
+                                                            const Holds& holds) const noexcept RTBUS_NONBLOCKING {
     for (const rtbus::shapes::PlacedShape& holder : holders_) {
-      const rtbus::shapes::SurfacePoint nearest = rtbus::shapes::nearest_surface(holder, point_m);
-      if (std::abs(nearest.distance_m) <= kAtSurface_m && nearest.normal.dot(normal) >= kSameWay) return &holder;
+      if (std::abs(rtbus::shapes::nearest_surface(holder, point_m).distance_m) > kAtSurface_m) continue;
+      if (holds(holder)) return &holder;
     }
     return nullptr;
   }
 
  private:
   static constexpr double kAtSurface_m = 1e-3;  ///< An engine lets bodies sink in, or keeps them apart, by less.
-  static constexpr double kSameWay = 0.95;      ///< 18 degrees.
 
   std::vector<Shape> shapes_;  ///< By body.
   std::vector<rtbus::shapes::PlacedShape> holders_;

@@ -12,7 +12,42 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kFacing = 0.95;  // cosine
+/// A face of the held box, or two edges, are the contact only where they are farther apart than a face of the holder by
+/// this: which of two equal ones it is must not change from step to step.
+constexpr double kFarther_m = 1e-5;
+/// Edges that are nearer to parallel than this sine have no plane of their own.
+constexpr double kParallel = 0.05;
+/// Nor have edges whose plane is nearer to the face's than this cosine: the corners of the face say as much, and hold
+/// the box at both ends.
+constexpr double kSamePlane = 0.95;
+
+/// A box as three axes.
+struct Axes {
+  Vector3d centre_m;
+  std::array<Vector3d, 3> axis;
+  Vector3d half_m;
+
+  Axes(const Box& box, const Quaterniond& q_WB, const Vector3d& p_WB) noexcept
+      : centre_m(p_WB), half_m(box.half_size_m) {
+    const Eigen::Matrix3d R = q_WB.toRotationMatrix();
+    axis = {R.col(0), R.col(1), R.col(2)};
+  }
+  /// From the centre to the farthest point that way.
+  [[nodiscard]] double reach_m(const Vector3d& way) const noexcept {
+    double out = 0.0;
+    for (std::size_t i = 0; i < 3; ++i) out += half_m[static_cast<Eigen::Index>(i)] * std::abs(axis[i].dot(way));
+    return out;
+  }
+  /// That point; of an edge along axis `middle` its middle.
+  [[nodiscard]] Vector3d farthest_m(const Vector3d& way, std::size_t middle) const noexcept {
+    Vector3d out = centre_m;
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (i == middle) continue;
+      out += (axis[i].dot(way) < 0.0 ? -1.0 : 1.0) * half_m[static_cast<Eigen::Index>(i)] * axis[i];
+    }
+    return out;
+  }
+};
 
 /// A rectangle, or a plane without edges.
 struct Face {
@@ -21,34 +56,31 @@ struct Face {
   double half_u_m = std::numeric_limits<double>::infinity(), half_v_m = half_u_m;
 };
 
-/// The face of a box that looks most along `direction` of W.
-Face face_of(const Box& box, const Quaterniond& q_WB, const Vector3d& p_WB, const Vector3d& direction) noexcept {
-  const Vector3d local = q_WB.conjugate() * direction;
-  Eigen::Index axis = 0;
-  local.cwiseAbs().maxCoeff(&axis);
-  const Eigen::Index next = (axis + 1) % 3, last = (axis + 2) % 3;
+/// The face of a box that looks most along `direction`.
+Face face_of(const Axes& box, const Vector3d& direction) noexcept {
+  std::size_t axis = 0;
+  for (std::size_t i = 1; i < 3; ++i) {
+    if (std::abs(box.axis[i].dot(direction)) > std::abs(box.axis[axis].dot(direction))) axis = i;
+  }
+  const std::size_t next = (axis + 1) % 3, last = (axis + 2) % 3;
   Face out;
-  out.normal = q_WB * Vector3d((local[axis] < 0.0 ? -1.0 : 1.0) * Vector3d::Unit(axis));
-  out.centre_m = p_WB + box.half_size_m[axis] * out.normal;
-  out.u = q_WB * Vector3d(Vector3d::Unit(next));
-  out.v = q_WB * Vector3d(Vector3d::Unit(last));
-  out.half_u_m = box.half_size_m[next];
-  out.half_v_m = box.half_size_m[last];
+  out.normal = (box.axis[axis].dot(direction) < 0.0 ? -1.0 : 1.0) * box.axis[axis];
+  out.centre_m = box.centre_m + box.half_m[static_cast<Eigen::Index>(axis)] * out.normal;
+  out.u = box.axis[next];
+  out.v = box.axis[last];
+  out.half_u_m = box.half_m[static_cast<Eigen::Index>(next)];
+  out.half_v_m = box.half_m[static_cast<Eigen::Index>(last)];
   return out;
 }
 
-bool holding_face(const PlacedShape& holder, const Vector3d& toward, Face& out) noexcept {
-  if (std::holds_alternative<Plane>(holder.shape)) {
-    out.normal = holder.q_WB * Vector3d(Vector3d::UnitY());
-    out.centre_m = holder.p_WB;
-    out.u = holder.q_WB * Vector3d(Vector3d::UnitX());
-    out.v = holder.q_WB * Vector3d(Vector3d::UnitZ());
-  } else if (const auto* const box = std::get_if<Box>(&holder.shape)) {
-    out = face_of(*box, holder.q_WB, holder.p_WB, toward);
-  } else {
-    return false;
-  }
-  return out.normal.dot(toward) >= kFacing;
+Face plane_of(const PlacedShape& holder) noexcept {
+  const Eigen::Matrix3d R = holder.q_WB.toRotationMatrix();
+  Face out;
+  out.normal = R.col(1);
+  out.centre_m = holder.p_WB;
+  out.u = R.col(0);
+  out.v = R.col(2);
+  return out;
 }
 
 /// I. E. Sutherland, G. W. Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974: a convex polygon, one edge of the
@@ -74,43 +106,116 @@ struct Polygon {
   }
 };
 
-}  // namespace
-
-bool face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,
-                 const Vector3d& toward, FacePoints& out) noexcept {
-  out.count = 0;
-  Face holding;
-  if (!holding_face(holder, toward, holding)) return false;
-  out.normal = holding.normal;
-  const Face face = face_of(held, q_WB, p_WB, -holding.normal);
+/// What of `other`, cut off at the edges of `face`, is how far from its plane. @param of_held `face` is the held box's.
+void add_points(const Face& face, const Face& other, bool of_held, FacePoints& out) noexcept {
   Polygon polygon;
-  const Vector3d along_u = face.half_u_m * face.u, along_v = face.half_v_m * face.v;
-  polygon.corner_m = {face.centre_m + along_u + along_v, face.centre_m + along_u - along_v,
-                      face.centre_m - along_u - along_v, face.centre_m - along_u + along_v};
+  const Vector3d along_u = other.half_u_m * other.u, along_v = other.half_v_m * other.v;
+  polygon.corner_m = {other.centre_m + along_u + along_v, other.centre_m + along_u - along_v,
+                      other.centre_m - along_u - along_v, other.centre_m - along_u + along_v};
   polygon.count = 4;
-  if (std::isfinite(holding.half_u_m)) {
-    const double u_m = holding.u.dot(holding.centre_m), v_m = holding.v.dot(holding.centre_m);
-    polygon.cut(holding.u, u_m + holding.half_u_m);
-    polygon.cut(-holding.u, holding.half_u_m - u_m);
-    polygon.cut(holding.v, v_m + holding.half_v_m);
-    polygon.cut(-holding.v, holding.half_v_m - v_m);
+  if (std::isfinite(face.half_u_m)) {
+    const double u_m = face.u.dot(face.centre_m), v_m = face.v.dot(face.centre_m);
+    polygon.cut(face.u, u_m + face.half_u_m);
+    polygon.cut(-face.u, face.half_u_m - u_m);
+    polygon.cut(face.v, v_m + face.half_v_m);
+    polygon.cut(-face.v, face.half_v_m - v_m);
   }
+  out.normal = of_held ? Vector3d(-face.normal) : face.normal;
   const auto add = [&](std::size_t corner) {
+    const double gap_m = face.normal.dot(polygon.corner_m[corner] - face.centre_m);
     out.point_m[out.count] = polygon.corner_m[corner];
-    out.gap_m[out.count++] = holding.normal.dot(polygon.corner_m[corner] - holding.centre_m);
+    if (of_held) out.point_m[out.count] -= gap_m * face.normal;
+    out.gap_m[out.count++] = gap_m;
   };
   if (polygon.count <= FacePoints::kMost) {
     for (std::size_t i = 0; i < polygon.count; ++i) add(i);
-    return true;
+    return;
   }
-  const Vector3d diagonals[] = {holding.u + holding.v, holding.u - holding.v, -holding.u - holding.v,
-                                holding.v - holding.u};
+  const Vector3d diagonals[] = {face.u + face.v, face.u - face.v, -face.u - face.v, face.v - face.u};
   for (const Vector3d& way : diagonals) {
     std::size_t far = 0;
     for (std::size_t i = 1; i < polygon.count; ++i) {
       if (way.dot(polygon.corner_m[i] - polygon.corner_m[far]) > 0.0) far = i;
     }
     add(far);
+  }
+}
+
+/// A way between two boxes, from the holder to the held one, and how far apart they are along it.
+struct Way {
+  Vector3d normal = Vector3d::UnitY();
+  double apart_m = -std::numeric_limits<double>::infinity();
+};
+
+Way way_along(const Vector3d& axis, const Axes& held, const Axes& holder) noexcept {
+  const Vector3d between_m = held.centre_m - holder.centre_m;
+  const Vector3d normal = between_m.dot(axis) < 0.0 ? Vector3d(-axis) : axis;
+  return {normal, between_m.dot(normal) - held.reach_m(normal) - holder.reach_m(normal)};
+}
+
+Way farthest_face(const Axes& box, const Axes& held, const Axes& holder) noexcept {
+  Way out;
+  for (const Vector3d& axis : box.axis) {
+    const Way way = way_along(axis, held, holder);
+    if (way.apart_m > out.apart_m) out = way;
+  }
+  return out;
+}
+
+/// Where an edge of each crosses the other, if they are farthest apart there. @returns whether they are.
+bool add_crossing(const Axes& held, const Axes& holder, const Way& face, FacePoints& out) noexcept {
+  Way best{face.normal, face.apart_m + kFarther_m};
+  std::size_t of_held = 0, of_holder = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vector3d cross = held.axis[i].cross(holder.axis[k]);
+      const double sine = cross.norm();
+      if (sine < kParallel) continue;
+      const Way way = way_along(cross / sine, held, holder);
+      if (way.apart_m <= best.apart_m) continue;
+      best = way;
+      of_held = i;
+      of_holder = k;
+    }
+  }
+  if (best.normal.dot(face.normal) > kSamePlane) return false;
+  const Vector3d on_held_m = held.farthest_m(-best.normal, of_held);
+  const Vector3d on_holder_m = holder.farthest_m(best.normal, of_holder);
+  // The point of the held edge that is nearest to the line of the other one.
+  const Vector3d& along = held.axis[of_held];
+  const Vector3d across = best.normal.cross(holder.axis[of_holder]);
+  const double far_m = across.dot(on_holder_m - on_held_m) / across.dot(along);
+  const double half_m = held.half_m[static_cast<Eigen::Index>(of_held)];
+  out.normal = best.normal;
+  out.point_m[0] = on_held_m + std::clamp(far_m, -half_m, half_m) * along;
+  out.gap_m[0] = best.apart_m;
+  out.count = 1;
+  return true;
+}
+
+}  // namespace
+
+bool face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,
+                 FacePoints& out) noexcept {
+  out.count = 0;
+  const Axes box(held, q_WB, p_WB);
+  if (std::holds_alternative<Plane>(holder.shape)) {
+    const Face plane = plane_of(holder);
+    add_points(plane, face_of(box, -plane.normal), false, out);
+    return true;
+  }
+  const auto* const below = std::get_if<Box>(&holder.shape);
+  if (below == nullptr) return false;
+  const Axes holding(*below, holder.q_WB, holder.p_WB);
+  const Way by_holder = farthest_face(holding, box, holding), by_held = farthest_face(box, box, holding);
+  const bool of_held = by_held.apart_m > by_holder.apart_m + kFarther_m;
+  const Way& way = of_held ? by_held : by_holder;
+  if (add_crossing(box, holding, way, out)) return true;
+  const Face below_face = face_of(holding, way.normal), box_face = face_of(box, -way.normal);
+  if (of_held) {
+    add_points(box_face, below_face, true, out);
+  } else {
+    add_points(below_face, box_face, false, out);
   }
   return true;
 }

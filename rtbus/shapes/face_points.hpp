@@ -1,6 +1,6 @@
 #pragma once
 /// @file face_points.hpp
-/// Where a box lies on a plane or on a face of another box.
+/// Where a box lies on a plane or on another box.
 #include <array>
 #include <cstddef>
 
@@ -14,19 +14,21 @@ namespace rtbus::shapes {
 /// Corners of the area that two faces share.
 struct FacePoints {
   static constexpr std::size_t kMost = 4;
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();  ///< Of the holder's face, unit, in W.
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitY();  ///< Unit, from the holder to the held box, in W.
   std::array<Eigen::Vector3d, kMost> point_m{};       ///< Of the held box, in W.
-  std::array<double, kMost> gap_m{};                  ///< From the holder's face; negative: inside.
-  std::size_t count = 0;                              ///< 0: the face of the box lies beside that of the holder.
+  std::array<double, kMost> gap_m{};                  ///< Along the normal; negative: inside.
+  std::size_t count = 0;                              ///< 0: the two lie beside each other.
 };
 
-/// The face of `held` that looks at the holder, cut off at the edges of the holder's face. Of more than four corners
-/// the four that are farthest apart along the diagonals of the holder's face.
+/// Of all faces of both, the one from which the other body is farthest (S. Gottschalk, M. C. Lin, D. Manocha,
+/// "OBBTree", SIGGRAPH 1996: separating axes) is the plane of the contact. What looks at it of the other body is cut
+/// off at its edges. So a box that lies flat has its own corners, and one that tips over the edge of what holds it has
+/// the ends of that edge; where two edges cross there is one point. Of more than four corners the four that are
+/// farthest apart along the diagonals of the face.
 /// @param held A box. @param q_WB Its orientation. @param p_WB Its centre, in W.
 /// @param holder What it lies on: a plane or a box. @param out Set; its count is 0 where that is not so.
-/// @param toward Unit, from the holder towards the box: picks the face of the holder.
-/// @returns false where the holder has no face within 18 degrees of that direction. @realtime Yes.
+/// @returns false where the holder is neither. @realtime Yes.
 [[nodiscard]] bool face_points(const Box& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB,
-                               const PlacedShape& holder, const Eigen::Vector3d& toward, FacePoints& out) noexcept;
+                               const PlacedShape& holder, FacePoints& out) noexcept;
 
 }  // namespace rtbus::shapes

@@ -52,12 +52,6 @@ Pushed push(const Push& how, std::vector<std::string> more, double below_m = 1.0
   harness.run(how.duration_s, [&](const rtbus::Telemetry& tick) {
     if (tick.tick % every != 0) return;
     out.force_n.push_back(tick.force_n[2]);
-    if (FILE* f = getenv("DUMP") ? fopen(getenv("DUMP"), "a") : nullptr) {
-      auto q = harness.stepper()->world().body_pose(1).orientation;
-      std::fprintf(f, "%g %g %g %g %g\n", harness.now_s(), tick.force_n[2], tick.force_n[1], 2 * q.x(),
-                   harness.stepper()->world().body_pose(1).position_m.z());
-      fclose(f);
-    }  // DUMP
     const physics::BodyPose box = harness.stepper()->world().body_pose(1);
     const double height_m = box.position_m.y();
     if (out.tips_s == 0.0 && box.orientation.angularDistance(Eigen::Quaterniond::Identity()) > 1e-3) {
@@ -90,7 +84,6 @@ TEST(FreeBox, TipsAtTheForceThatLiftsItOverItsEdge) {
       9.5,
       0.0};
   const double tips_n = kMass_kg * kGravity_m_s2 * (kDepth_m / 2.0) / kHeight_m;
-  push(how, kConverged);  // DUMP
   for (const char* const hz : kPhysics_hz) {
     std::vector<std::string> settings = physics_at(hz);
     settings.emplace_back("haptic.0.device.mechanics.position_quantum_m=0");

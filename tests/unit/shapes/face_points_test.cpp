@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <vector>
 
 namespace rtbus::shapes {
 namespace {
@@ -18,10 +20,9 @@ const Box kBox{Vector3d(0.03, 0.02, 0.01)};
 const PlacedShape kFloor{Plane{}, Quaterniond::Identity(), Vector3d::Zero()};
 const PlacedShape kTable{Box{Vector3d(0.1, 0.05, 0.05)}, Quaterniond::Identity(), Vector3d(0.0, -0.05, 0.0)};
 
-FacePoints points_of(const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,
-                     const Vector3d& toward = Vector3d::UnitY()) {
+FacePoints points_of(const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder) {
   FacePoints out;
-  EXPECT_TRUE(face_points(kBox, q_WB, p_WB, holder, toward, out));
+  EXPECT_TRUE(face_points(kBox, q_WB, p_WB, holder, out));
   return out;
 }
 
@@ -77,8 +78,12 @@ TEST(FacePoints, EndAtTheEdgesOfTheFaceBelow) {
   }
 }
 
-TEST(FacePoints, AreNoneBesideTheFaceBelow) {
-  EXPECT_EQ(points_of(Quaterniond::Identity(), Vector3d(0.14, 0.02, 0.0), kTable).count, 0u);
+TEST(FacePoints, BesideTheTableAreAsFarAsItsSide) {
+  const FacePoints out = points_of(Quaterniond::Identity(), Vector3d(0.14, 0.02, 0.0), kTable);
+  EXPECT_EQ(out.normal, Vector3d::UnitX());
+  for (std::size_t i = 0; i < out.count; ++i) EXPECT_NEAR(out.gap_m[i], 0.01, 1e-12);
+  // Nothing of it is before that side.
+  EXPECT_EQ(points_of(Quaterniond::Identity(), Vector3d(0.14, 0.03, 0.0), kTable).count, 0u);
 }
 
 TEST(FacePoints, OfALongBoxAcrossATableAreWhereItsEdgesCrossThoseOfTheTable) {
@@ -91,19 +96,113 @@ TEST(FacePoints, OfALongBoxAcrossATableAreWhereItsEdgesCrossThoseOfTheTable) {
 }
 
 TEST(FacePoints, OnTheSideOfABoxLookSideways) {
-  const FacePoints out = points_of(Quaterniond::Identity(), Vector3d(0.13, -0.05, 0.0), kTable, Vector3d::UnitX());
+  const FacePoints out = points_of(Quaterniond::Identity(), Vector3d(0.13, -0.05, 0.0), kTable);
   ASSERT_EQ(out.count, 4u);
   EXPECT_NEAR((out.normal - Vector3d::UnitX()).norm(), 0.0, 1e-12);
   for (std::size_t i = 0; i < out.count; ++i) EXPECT_NEAR(out.gap_m[i], 0.0, 1e-12);
 }
 
-TEST(FacePoints, AreNoneOfAFaceThatLooksAnotherWay) {
+TEST(FacePoints, AreNoneOnABall) {
   FacePoints out;
-  const Vector3d oblique = Vector3d(1.0, 1.0, 0.0).normalized();
-  EXPECT_FALSE(face_points(kBox, Quaterniond::Identity(), Vector3d(0.0, 0.02, 0.0), kFloor, oblique, out));
   const PlacedShape ball{Sphere{0.1}, Quaterniond::Identity(), Vector3d(0.0, -0.1, 0.0)};
-  EXPECT_FALSE(face_points(kBox, Quaterniond::Identity(), Vector3d(0.0, 0.02, 0.0), ball, Vector3d::UnitY(), out));
+  EXPECT_FALSE(face_points(kBox, Quaterniond::Identity(), Vector3d(0.0, 0.02, 0.0), ball, out));
   EXPECT_EQ(out.count, 0u);
+}
+
+TEST(FacePoints, OfABoxThatTipsOverAnEdgeAreTheEndsOfThatEdge) {
+  // Its lower face leads through the edge of the table at x = 0.1 m, and ends beyond it, below the table's face.
+  const double tilt_rad = 0.3;
+  const Quaterniond q_WB(AngleAxisd(-tilt_rad, Vector3d::UnitZ()));
+  const Vector3d edge_m(0.1, 0.0, 0.0), along = q_WB * Vector3d::UnitX(), up = q_WB * Vector3d::UnitY();
+  const FacePoints out = points_of(q_WB, edge_m + 0.01 * along + 0.02 * up, kTable);
+  EXPECT_NEAR((out.normal - up).norm(), 0.0, 1e-12);
+  for (const double z : {-0.01, 0.01}) EXPECT_TRUE(has_point(out, Vector3d(0.1, 0.0, z)));
+  int touching = 0;
+  for (std::size_t i = 0; i < out.count; ++i) {
+    EXPECT_GE(out.gap_m[i], -1e-12);
+    touching += out.gap_m[i] < 1e-9 ? 1 : 0;
+  }
+  EXPECT_EQ(touching, 2);
+}
+
+TEST(FacePoints, WhereTwoEdgesCrossAreOne) {
+  // An edge of the box points at the edge of the table at x = 0.1 m, across it.
+  const Vector3d out_of_table = Vector3d(1.0, 1.0, 0.0).normalized(), across = Vector3d(1.0, -1.0, 0.0).normalized();
+  const Vector3d to_edge(0.03, 0.02, 0.0);
+  Eigen::Matrix3d in_box, in_world;
+  in_box << to_edge.normalized(), Vector3d::UnitZ().cross(to_edge.normalized()), Vector3d::UnitZ();
+  in_world << -out_of_table, across.cross(-out_of_table), across;
+  const Quaterniond q_WB(Eigen::Matrix3d(in_world * in_box.transpose()));
+  const Vector3d edge_m(0.1, 0.0, 0.02);
+  for (const double gap_m : {-0.0005, 0.0005}) {
+    const Vector3d there_m = edge_m + gap_m * out_of_table;
+    const FacePoints out = points_of(q_WB, there_m + to_edge.norm() * out_of_table + 0.004 * across, kTable);
+    ASSERT_EQ(out.count, 1u);
+    EXPECT_NEAR((out.normal - out_of_table).norm(), 0.0, 1e-12);
+    EXPECT_NEAR(out.gap_m[0], gap_m, 1e-12);
+    EXPECT_TRUE(has_point(out, there_m));
+  }
+}
+
+/// The eight corners.
+std::array<Vector3d, 8> corners_of(const Vector3d& half_m, const Quaterniond& q_WB, const Vector3d& p_WB) {
+  std::array<Vector3d, 8> out;
+  for (std::size_t i = 0; i < 8; ++i) {
+    const Vector3d sign((i & 1) != 0 ? 1.0 : -1.0, (i & 2) != 0 ? 1.0 : -1.0, (i & 4) != 0 ? 1.0 : -1.0);
+    out[i] = p_WB + q_WB * Vector3d(sign.cwiseProduct(half_m));
+  }
+  return out;
+}
+
+// The normal is, within 18 degrees, the way along which the two are farthest apart, of all faces and all pairs of
+// edges; the points are the box's and their gaps are to the table along it.
+TEST(FacePoints, LieInTheWayAlongWhichTheTwoAreFarthestApart) {
+  std::mt19937 random(7);
+  const auto draw = [&random](double half) {
+    return half * (static_cast<double>(random()) / 4294967295.0 * 2.0 - 1.0);
+  };
+  const auto& table = std::get<Box>(kTable.shape);
+  int kinds[3] = {};
+  for (int turn = 0; turn < 5000; ++turn) {
+    const Quaterniond q_WB = Quaterniond(draw(1.0), draw(1.0), draw(1.0), draw(1.0)).normalized();
+    const Vector3d p_WB(draw(0.14), 0.02 + draw(0.02), draw(0.08));
+    const FacePoints out = points_of(q_WB, p_WB, kTable);
+    const auto held = corners_of(kBox.half_size_m, q_WB, p_WB);
+    const auto holder = corners_of(table.half_size_m, kTable.q_WB, kTable.p_WB);
+    const auto apart_m = [&](const Vector3d& way) {
+      double low_m = std::numeric_limits<double>::infinity(), high_m = -low_m;
+      for (std::size_t i = 0; i < 8; ++i) {
+        low_m = std::min(low_m, way.dot(held[i]));
+        high_m = std::max(high_m, way.dot(holder[i]));
+      }
+      return low_m - high_m;
+    };
+    const double best_m = apart_m(out.normal);
+    std::vector<Vector3d> ways;
+    for (int i = 0; i < 3; ++i) {
+      ways.emplace_back(Vector3d::Unit(i));
+      ways.emplace_back(q_WB * Vector3d(Vector3d::Unit(i)));
+      for (int k = 0; k < 3; ++k) ways.emplace_back(Vector3d::Unit(k).cross(q_WB * Vector3d(Vector3d::Unit(i))));
+    }
+    Vector3d best = out.normal;
+    for (const Vector3d& way : ways) {
+      if (way.norm() < 0.05) continue;
+      for (const double sign : {-1.0, 1.0}) {
+        const Vector3d unit = sign * way.normalized();
+        if (apart_m(unit) > apart_m(best)) best = unit;
+      }
+    }
+    EXPECT_TRUE(apart_m(best) <= best_m + 2.1e-5 || best.dot(out.normal) > 0.95) << turn;
+    for (std::size_t i = 0; i < out.count; ++i) {
+      EXPECT_GE(out.gap_m[i], best_m - 1e-12) << turn;
+      const Vector3d in_box = q_WB.conjugate() * (out.point_m[i] - p_WB);
+      EXPECT_LE((in_box.cwiseAbs() - kBox.half_size_m).maxCoeff(), 1e-9) << turn;
+    }
+    const double off_axis =
+        std::min(1.0 - out.normal.cwiseAbs().maxCoeff(), 1.0 - (q_WB.conjugate() * out.normal).cwiseAbs().maxCoeff());
+    if (out.count > 0) ++kinds[off_axis > 1e-9 ? 2 : (out.normal.cwiseAbs().maxCoeff() < 1.0 - 1e-9 ? 1 : 0)];
+  }
+  for (const int count : kinds) EXPECT_GT(count, 100) << "faces of the table, of the box, and crossing edges";
 }
 
 // Against every point of a grid on the lower face: a grid point above the table has no smaller gap than the corners
@@ -120,7 +219,7 @@ TEST(FacePoints, SpanTheAreaThatBothFacesShare) {
     const Vector3d p_WB(x, 0.03, z);
     const FacePoints out = points_of(q_WB, p_WB, kTable);
     ASSERT_LE(out.count, FacePoints::kMost);
-    Vector3d middle_m = Vector3d::Zero();
+    if (out.normal != Vector3d::UnitY()) continue;
     for (std::size_t i = 0; i < out.count; ++i) {
       const Vector3d in_box = q_WB.conjugate() * (out.point_m[i] - p_WB);
       EXPECT_NEAR(in_box.y(), -0.02, 1e-12);
@@ -129,7 +228,6 @@ TEST(FacePoints, SpanTheAreaThatBothFacesShare) {
       EXPECT_LE(std::abs(out.point_m[i].x()), 0.1 + 1e-12);
       EXPECT_LE(std::abs(out.point_m[i].z()), 0.05 + 1e-12);
       EXPECT_NEAR(out.gap_m[i], out.point_m[i].y(), 1e-12);
-      middle_m += out.point_m[i] / static_cast<double>(out.count);
     }
     int above = 0;
     double lowest_m = std::numeric_limits<double>::infinity();

@@ -17,6 +17,8 @@ constexpr double kMarginM = 0.001;  // of a soft body
 constexpr double kPlateRiseM = 0.005, kPlateMoveS = 1.0;
 constexpr double kSecondHandM = 0.002;  // it presses the block that far, at first
 constexpr double kGravityMS2 = 9.81;
+constexpr double kWedgeUnitM = 1e-3, kWedgeDepthM = 0.03, kWedgeMiddleM = 0.04 / 3.0;  // of wedge.obj
+constexpr double kTableHeight = 5.0;                                                   // edges
 
 std::string hand_map(const StabilityCase& each) {
   const char* const impedance = each.hand == StabilityHand::kSoft ? "light" : "firm";
@@ -34,6 +36,8 @@ std::string hand_map(const StabilityCase& each) {
           each.height_m, each.speed_m_s, start_s, kRampS, impedance);
     case StabilityTask::kBlock:
     case StabilityTask::kSecondHand:
+    case StabilityTask::kTip:
+    case StabilityTask::kTable:
       return formatted(
           "{type: push, start_m: [0, 0, %.9g], direction: [0, 0, -1], distance_m: %.9g, speed_m_s: %.9g, "
           "start_s: %.9g, ramp_s: %g, impedance: %s}",
@@ -59,20 +63,61 @@ std::string hand_map(const StabilityCase& each) {
       -0.5 * aside * each.height_m, each.height_m, aside, way_m, each.speed_m_s, start_s, kRampS, impedance);
 }
 
-/// The proxy has a radius where bodies move; its surface is at the hand's zero.
+/// The proxy has a radius where bodies move, and on hulls and meshes; its surface is at the hand's zero.
 double radius_m(const StabilityCase& each) {
   if (each.task == StabilityTask::kSoft) return 0.35 * kBoxEdgeM;  // as large as the meshes of the skin
-  return each.moves_bodies() ? std::min(1.0, 0.25 * kBoxEdgeM * each.scale) : 0.0;
+  return each.needs_bullet() ? std::min(1.0, 0.25 * kBoxEdgeM * each.scale) : 0.0;
+}
+
+/// config/scenes/meshes, in millimetres and metres; beside the session's file.
+std::string wedge(double scale) {
+  return formatted("convex_hull: {file: scenes/meshes/wedge.obj, metres_per_unit: %.9g}", kWedgeUnitM * scale);
+}
+std::string hill(double scale) {
+  return formatted("mesh: {file: scenes/meshes/hill.obj, metres_per_unit: %.9g}", scale);
+}
+
+std::string box_shape(double x_m, double y_m, double z_m) {
+  return formatted("box: {size_m: [%.9g, %.9g, %.9g]}", x_m, y_m, z_m);
+}
+
+std::string dynamic_body(const char* name, double mass_kg, const std::string& shape, double x_m, double y_m, double z_m,
+                         double friction) {
+  return formatted(", {name: %s, type: dynamic, mass_kg: %.9g, shape: {", name, mass_kg) + shape +
+         formatted("}, position_m: [%.9g, %.9g, %.9g], friction: %.9g}", x_m, y_m, z_m, friction);
+}
+
+/// Of what kBlock and kSecondHand push, along z.
+double pushed_depth_m(const StabilityCase& each) {
+  return each.body == StabilityBody::kHull ? kWedgeDepthM * each.scale : kBoxEdgeM * each.scale;
+}
+
+std::string pushed_body(const StabilityCase& each, double edge_m) {
+  const double mass_kg = each.proxy_kg * each.body_ratio;
+  const double z_m = -0.5 * pushed_depth_m(each) - radius_m(each);
+  if (each.task == StabilityTask::kTip) {
+    return dynamic_body("box0", mass_kg, box_shape(2.0 * edge_m, 4.0 * edge_m, edge_m), 0.0, 2.0 * edge_m, z_m,
+                        each.friction);
+  }
+  if (each.body == StabilityBody::kBall) {
+    return dynamic_body("box0", mass_kg, formatted("sphere: {radius_m: %.9g}", 0.5 * edge_m), 0.0, 0.5 * edge_m, z_m,
+                        each.friction);
+  }
+  if (each.body == StabilityBody::kHull) {
+    return dynamic_body("box0", mass_kg, wedge(each.scale), -kWedgeMiddleM * each.scale, 0.0, z_m, each.friction);
+  }
+  return dynamic_body("box0", mass_kg, box_shape(2.0 * edge_m, edge_m, edge_m), 0.0, 0.5 * edge_m, z_m, each.friction);
 }
 
 /// A body that falls comes down at speed_m_s on a tip that is held, or lies, at its height.
 std::string falling_body(const StabilityCase& each, double edge_m) {
   const double drop_m = 0.5 * each.speed_m_s * each.speed_m_s / kGravityMS2;
   const double y_m = (each.height_m + drop_m) * each.scale + 2.0 * radius_m(each) + 0.5 * edge_m;
-  return formatted(
-      ", {name: block, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, position_m: [0, %.9g, "
-      "0], friction: %.9g}",
-      each.proxy_kg * each.body_ratio, 2.0 * edge_m, edge_m, edge_m, y_m, each.friction);
+  const bool ball = each.body == StabilityBody::kBall;
+  return dynamic_body(
+      "block", each.proxy_kg * each.body_ratio,
+      ball ? formatted("sphere: {radius_m: %.9g}", 0.5 * edge_m) : box_shape(2.0 * edge_m, edge_m, edge_m), 0.0, y_m,
+      0.0, each.friction);
 }
 
 /// Up when the hand has come to it, down again, and then it stays.
@@ -108,35 +153,47 @@ std::string scene_map(const StabilityCase& each) {
   // A world of another size has the gravity that feels the same, as far as a scene may have it.
   std::string out = formatted(head, -std::min(kGravityMS2 * s, 100.0));
   if (each.moves_bodies()) {
-    const double floor_m = each.task == StabilityTask::kPlate ? -0.2 * s : 0.0;
+    double floor_m = 0.0;
+    if (each.task == StabilityTask::kPlate) floor_m = -0.2 * s;
+    if (each.task == StabilityTask::kTable) floor_m = -kTableHeight * edge_m;
     out += formatted("{name: floor, type: static, shape: {plane: {}}, position_m: [0, %.9g, 0], friction: %.9g}",
                      floor_m, std::max(0.2, each.friction));
     if (each.task == StabilityTask::kPlate) return out + plate(each) + "]}";
     if (each.task == StabilityTask::kSoft) return out + soft_body(each) + "]}";
     if (each.task == StabilityTask::kFall) return out + falling_body(each, edge_m) + "]}";
-    const bool one = each.task == StabilityTask::kBlock || each.task == StabilityTask::kSecondHand;
-    const int boxes = one ? 1 : each.boxes;
-    for (int i = 0; i < boxes; ++i) {
+    if (each.task == StabilityTask::kTable) {
+      // A part of the block is beyond its edge already.
+      const double deep_m = 5.0 * edge_m, end_m = -radius_m(each) - 0.7 * edge_m;
+      out += ", {name: table, type: static, shape: {" + box_shape(20.0 * edge_m, kTableHeight * edge_m, deep_m) +
+             formatted("}, position_m: [0, %.9g, %.9g], friction: %.9g}", -0.5 * kTableHeight * edge_m,
+                       end_m + 0.5 * deep_m, std::max(0.2, each.friction));
+    }
+    if (each.along_z()) return out + pushed_body(each, edge_m) + "]}";
+    for (int i = 0; i < each.boxes; ++i) {
       const double mass_kg = i % 2 == 0 ? each.proxy_kg * each.body_ratio : each.proxy_kg;
-      const double z_m = one ? -0.5 * edge_m - radius_m(each) : 0.0;
-      out += formatted(
-          ", {name: box%d, type: dynamic, mass_kg: %.9g, shape: {box: {size_m: [%.9g, %.9g, %.9g]}}, "
-          "position_m: [0, %.9g, %.9g], friction: %.9g}",
-          i, mass_kg, 2.0 * edge_m, edge_m, edge_m, (i + 0.5) * edge_m, z_m, each.friction);
+      out += dynamic_body(formatted("box%d", i).c_str(), mass_kg, box_shape(2.0 * edge_m, edge_m, edge_m), 0.0,
+                          (i + 0.5) * edge_m, 0.0, each.friction);
     }
     return out + "]}";
   }
   std::string shape = "plane: {}";
-  double y_m = 0.0;
+  double x_m = 0.0, y_m = 0.0;
   if (each.shape == StabilityShape::kSphere) {
     shape = formatted("sphere: {radius_m: %.9g}", 0.05 * s);
     y_m = -0.05 * s;
   } else if (each.shape == StabilityShape::kBox) {
-    shape = formatted("box: {size_m: [%.9g, %.9g, %.9g]}", 0.1 * s, 0.1 * s, 0.1 * s);
+    shape = box_shape(0.1 * s, 0.1 * s, 0.1 * s);
     y_m = -0.05 * s;
+  } else if (each.shape == StabilityShape::kHull) {
+    shape = wedge(s);
+    x_m = -0.01 * s;  // there it is 15 mm high
+    y_m = -0.015 * s;
+  } else if (each.shape == StabilityShape::kMesh) {
+    shape = hill(s);
+    y_m = -0.015 * s;
   }
-  return out + formatted("{name: wall, type: static, shape: {%s}, position_m: [0, %.9g, 0], friction: %.9g}]}",
-                         shape.c_str(), y_m, each.friction);
+  return out + formatted("{name: wall, type: static, shape: {%s}, position_m: [%.9g, %.9g, 0], friction: %.9g}]}",
+                         shape.c_str(), x_m, y_m, each.friction);
 }
 
 std::string soft_text(const StabilityCase& each) {
@@ -145,6 +202,11 @@ std::string soft_text(const StabilityCase& each) {
   return formatted(
       ", soft ball of %d nodes, links %.3g, matching %.3g Hz, bulk %.3g Pa, damping %.3g /s, %d iterations", m.nodes,
       m.linear_stiffness, m.pose_matching_hz, m.bulk_modulus_pa, m.damping_per_s, m.iterations);
+}
+
+std::string shape_text(const StabilityCase& each) {
+  if (!each.moves_bodies()) return formatted(", %s", to_string(each.shape));
+  return each.body == StabilityBody::kBox ? "" : formatted(", %s", to_string(each.body));
 }
 
 std::string network_text(const NetworkOptions& network) {
@@ -157,7 +219,8 @@ std::string network_text(const NetworkOptions& network) {
 std::string mapping_map(const StabilityCase& each) {
   const double edge_m = kBoxEdgeM * each.scale;
   double y_m = 0.0;
-  if (each.task == StabilityTask::kBlock || each.task == StabilityTask::kSecondHand) y_m = 0.5 * edge_m;
+  if (each.along_z()) y_m = (each.task == StabilityTask::kTip ? 3.5 : 0.5) * edge_m;
+  if (each.shape >= StabilityShape::kHull) y_m = radius_m(each);
   if (each.task == StabilityTask::kPlate) y_m = radius_m(each);
   if (each.task == StabilityTask::kStack) y_m = each.boxes * edge_m + radius_m(each);
   if (each.task == StabilityTask::kFall) y_m = radius_m(each);
@@ -168,9 +231,19 @@ std::string mapping_map(const StabilityCase& each) {
 }  // namespace
 
 const char* to_string(StabilityTask task) noexcept {
-  constexpr std::array names{"drop",  "press", "rub",  "free",  "deep",       "block",
-                             "stack", "fall",  "soft", "plate", "second_hand"};
+  constexpr std::array names{"drop", "press", "rub",   "free",        "deep", "block", "stack",
+                             "fall", "soft",  "plate", "second_hand", "tip",  "table"};
   return names[static_cast<std::size_t>(task)];
+}
+
+const char* to_string(StabilityShape shape) noexcept {
+  constexpr std::array names{"plane", "sphere", "box", "hull", "mesh"};
+  return names[static_cast<std::size_t>(shape)];
+}
+
+const char* to_string(StabilityBody body) noexcept {
+  constexpr std::array names{"box", "ball", "hull"};
+  return names[static_cast<std::size_t>(body)];
 }
 
 const char* to_string(StabilityHand hand) noexcept {
@@ -217,10 +290,12 @@ std::string second_hand(const StabilityCase& each) {
       "{type: push, start_m: [0, 0, -0.005], direction: [0, 0, 1], distance_m: %.9g, "
       "speed_m_s: 0.05, start_s: %.9g, ramp_s: %g, impedance: %s}",
       0.005 + kSecondHandM, each.start_s(), kRampS, each.hand == StabilityHand::kSoft ? "light" : "firm");
-  return formatted("{name: second, rate_hz: %.9g, method: %s, coupling: ", each.haptic_hz, each.method.c_str()) +
-         coupling_map(each) + ", proxy: " + proxy_map(each) +
+  const std::string method =
+      each.method == StabilityEnvelope::kDefault ? "" : formatted(", method: %s", each.method.c_str());
+  return formatted("{name: second, rate_hz: %.9g%s, coupling: ", each.haptic_hz, method.c_str()) + coupling_map(each) +
+         ", proxy: " + proxy_map(each) +
          formatted(", mapping: {position_scale: %.9g, offset_m: [0, %.9g, %.9g]}, device: ", each.scale, 0.5 * edge_m,
-                   -edge_m - 2.0 * radius_m(each)) +
+                   -pushed_depth_m(each) - 2.0 * radius_m(each)) +
          device_map(each, "", hold) + "}";
 }
 
@@ -229,11 +304,13 @@ std::string second_hand(const StabilityCase& each) {
 std::vector<std::string> assignments_of(const StabilityCase& each) {
   std::vector<std::string> out;
   out.push_back("scene=" + scene_map(each));
-  if (each.task == StabilityTask::kSecondHand) {
-    out.push_back("haptic=[{name: haptic0, device: devices/sim_phantom_desktop.yaml}, " + second_hand(each) + "]");
+  const bool two = each.task == StabilityTask::kSecondHand;
+  if (two || each.method == StabilityEnvelope::kDefault) {  // the session's file names a method
+    out.push_back("haptic=[{name: haptic0, device: devices/sim_phantom_desktop.yaml}" +
+                  (two ? ", " + second_hand(each) : "") + "]");
   }
   const double step_hz = each.paper ? std::clamp(each.physics_hz, 15.0, each.haptic_hz) : each.physics_hz;
-  if (each.moves_bodies()) {
+  if (each.needs_bullet()) {
     out.emplace_back("physics.engine=bullet");
     out.push_back(formatted("physics.solver_iterations=%d", each.solver_iterations));
   }
@@ -250,7 +327,7 @@ std::vector<std::string> assignments_of(const StabilityCase& each) {
                                 : "";
   out.push_back("haptic.0.device=" + device_map(each, start, hand_map(each)));
   out.push_back(formatted("haptic.0.rate_hz=%.9g", each.haptic_hz));
-  out.push_back("haptic.0.method=" + each.method);
+  if (each.method != StabilityEnvelope::kDefault) out.push_back("haptic.0.method=" + each.method);
   out.push_back("haptic.0.coupling=" + coupling_map(each));
   out.push_back("haptic.0.proxy=" + proxy_map(each));
   out.push_back("haptic.0.mapping=" + mapping_map(each));
@@ -301,7 +378,8 @@ std::string describe(const StabilityCase& each) {
       each.stiffness_n_per_m, each.damping_n_s_per_m, each.physics_hz, each.haptic_hz, each.proxy_kg, each.body_ratio,
       each.friction, each.quantum_m * 1e6, each.scale, each.speed_m_s, each.height_m * 1e3, each.depth_m * 1e3,
       each.jitter_s * 1e3, each.lost_share, each.loop_pause_s, each.physics_pause_s,
-      (soft_text(each) + network_text(each.network) + (each.envelope ? ", in the envelope" : "")).c_str());
+      (shape_text(each) + soft_text(each) + network_text(each.network) + (each.envelope ? ", in the envelope" : ""))
+          .c_str());
 }
 
 }  // namespace tools

@@ -22,19 +22,25 @@ enum class StabilityTask : std::uint8_t {
   kSoft,        ///< Presses a soft ball, as far as the floor (bullet's module with soft bodies).
   kPlate,       ///< Presses a plate that rises, sinks and rests by itself (bullet).
   kSecondHand,  ///< Pushes a block against another hand, which rests on the far side of it (bullet).
+  kTip,         ///< Pushes a tall box at its top (bullet).
+  kTable,       ///< Pushes a block over the edge of a table (bullet).
 };
 [[nodiscard]] const char* to_string(StabilityTask task) noexcept;
 
 enum class StabilityHand : std::uint8_t { kNone, kSoft, kStiff };
 [[nodiscard]] const char* to_string(StabilityHand hand) noexcept;
 
-enum class StabilityShape : std::uint8_t { kPlane, kSphere, kBox };
+/// Of the wall. The last two are a wedge, pressed on its slope, and a round hill of triangles (bullet).
+enum class StabilityShape : std::uint8_t { kPlane, kSphere, kBox, kHull, kMesh };
+/// Of what kBlock, kSecondHand and kFall move. The hull is a wedge.
+enum class StabilityBody : std::uint8_t { kBox, kBall, kHull };
 
 /// The declared envelope: within it neither of the methods that are made for slow physics, one of which a session gets
 /// when it names none, has a diverged case. docs/results.md says the same in words.
 struct StabilityEnvelope {
   static constexpr const char* kRemote = "remote_virtual_coupling";
   static constexpr const char* kLocal = "local_contact";
+  static constexpr const char* kDefault = "default";  ///< The one of them that the session gets when it names none.
   static constexpr const char* kDevice = "phantom_desktop";
   static constexpr double kMaxStiffnessNPerM = 2000.0;
   static constexpr double kMinPhysicsHz = 5.0, kMaxPhysicsHz = 1000.0;
@@ -45,6 +51,9 @@ struct StabilityEnvelope {
   static constexpr int kIterations = 30;  ///< Of bullet: with 10 a stack of unequal boxes rattles by itself.
 };
 
+[[nodiscard]] const char* to_string(StabilityShape shape) noexcept;
+[[nodiscard]] const char* to_string(StabilityBody body) noexcept;
+
 /// Lengths and speeds at the device.
 struct StabilityCase {
   std::uint64_t seed = 0;  ///< draw_case(seed) makes it again; 0: not drawn.
@@ -54,6 +63,7 @@ struct StabilityCase {
   StabilityTask task = StabilityTask::kDrop;
   StabilityHand hand = StabilityHand::kNone;
   StabilityShape shape = StabilityShape::kPlane;
+  StabilityBody body = StabilityBody::kBox;
   double stiffness_n_per_m = 200.0;  ///< As asked for.
   double damping_n_s_per_m = 0.0;
   bool stiff_device = false;   ///< The device allows 20 000 N/m and 30 N/ms: only mass and rate lower the stiffness.
@@ -88,6 +98,11 @@ struct StabilityCase {
   } soft;
 
   [[nodiscard]] bool moves_bodies() const noexcept { return task >= StabilityTask::kBlock; }
+  [[nodiscard]] bool needs_bullet() const noexcept { return moves_bodies() || shape >= StabilityShape::kHull; }
+  /// The hand pushes along −z; else along −y.
+  [[nodiscard]] bool along_z() const noexcept {
+    return task == StabilityTask::kBlock || task >= StabilityTask::kSecondHand;
+  }
   [[nodiscard]] double longest_round_trip_s() const noexcept {
     return (1.0 + network.jitter_share) * network.round_trip_s;
   }
@@ -105,6 +120,9 @@ struct StabilityCase {
 /// Numbers from here on are drawn by the second generation of the rules: local_contact, soft bodies, falling bodies,
 /// hands up to 10 m/s. Those below mean what they always meant, so that what failed once can be tested for ever.
 inline constexpr std::uint64_t kSecondGeneration = 10'000'000;
+/// And from here on by the third: all shapes, boxes that tip or leave a table, two hands, soft balls and light bodies
+/// in the envelope, and the method that a session gets when it names none.
+inline constexpr std::uint64_t kThirdGeneration = 2'000'000'000;
 /// The case of that number.
 [[nodiscard]] StabilityCase draw_case(std::uint64_t seed);
 

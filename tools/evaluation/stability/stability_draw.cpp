@@ -169,8 +169,65 @@ StabilityCase draw_second(std::uint64_t seed) {
   return out;
 }
 
+/// Among bodies that forces move, all kinds alike often.
+void draw_moving_task(Random& random, StabilityCase& out) {
+  constexpr std::array tasks{StabilityTask::kBlock, StabilityTask::kTip,   StabilityTask::kTable,
+                             StabilityTask::kStack, StabilityTask::kPlate, StabilityTask::kSecondHand,
+                             StabilityTask::kSoft,  StabilityTask::kFall};
+  const int kinds = static_cast<int>(tasks.size()) - (out.envelope ? 1 : 0);  // what falls is faster than a hand
+  out.task = tasks[static_cast<std::size_t>(random.below(kinds))];
+  out.body = static_cast<StabilityBody>(random.below(3));
+  out.boxes = 1 + random.below(out.envelope ? 4 : 8);
+  const bool pushes = out.along_z() || out.task == StabilityTask::kPlate;
+  if (pushes && out.hand == StabilityHand::kNone) out.hand = StabilityHand::kStiff;
+  if (out.task == StabilityTask::kSoft) {
+    draw_soft(random, out);
+    if (out.envelope) out.soft.iterations = 4;
+  }
+  if (out.task == StabilityTask::kFall) draw_fall(random, out);
+}
+
+StabilityCase draw_third(std::uint64_t seed) {
+  constexpr std::array tasks{StabilityTask::kPress, StabilityTask::kRub, StabilityTask::kFree, StabilityTask::kDeep};
+  constexpr double kLightest = 1e-3;  // of the proxy
+  Random random(seed);
+  StabilityCase out;
+  out.seed = seed;
+  const double kind = random.fraction();
+  out.method = kind < 0.5 || (kind >= 0.75 && kind < 0.9) ? StabilityEnvelope::kDefault : StabilityEnvelope::kLocal;
+  if (kind < 0.75) {
+    draw_envelope(random, out);
+    if (random.chance(0.2)) out.body_ratio = random.log_between(kLightest, 1.0 / StabilityEnvelope::kMaxMassRatio);
+  } else {
+    draw_wide(random, 10.0, out);
+  }
+  out.hand = static_cast<StabilityHand>(random.below(3));
+  if (kBullet && random.chance(0.5)) {
+    draw_moving_task(random, out);
+  } else {
+    out.shape = static_cast<StabilityShape>(random.below(kBullet ? 5 : 3));
+    out.task = tasks[static_cast<std::size_t>(random.below(4))];
+    const bool lets_go = out.hand == StabilityHand::kNone && out.task != StabilityTask::kDeep;
+    // A surface has no inside.
+    if (lets_go || (out.shape == StabilityShape::kMesh && out.task == StabilityTask::kDeep)) {
+      out.task = StabilityTask::kDrop;
+      out.hand = StabilityHand::kNone;
+    }
+  }
+  draw_motion(random, out);
+  if (out.task == StabilityTask::kSoft) out.depth_m = random.between(0.1, 1.0) * 0.04;  // its whole height
+  out.phase = random.fraction();
+  constexpr std::array iterations{4, 10, StabilityEnvelope::kIterations};
+  out.solver_iterations =
+      out.envelope ? StabilityEnvelope::kIterations : iterations[static_cast<std::size_t>(random.below(3))];
+  return out;
+}
+
 }  // namespace
 
-StabilityCase draw_case(std::uint64_t seed) { return seed < kSecondGeneration ? draw_first(seed) : draw_second(seed); }
+StabilityCase draw_case(std::uint64_t seed) {
+  if (seed < kSecondGeneration) return draw_first(seed);
+  return seed < kThirdGeneration ? draw_second(seed) : draw_third(seed);
+}
 
 }  // namespace tools

@@ -42,6 +42,7 @@ struct Group {
 using Groups = std::map<std::string, Group>;
 
 std::string group_of(const StabilityCase& each) {
+  if (each.envelope && each.method == StabilityEnvelope::kDefault) return "in the envelope, no method named";
   if (each.envelope) return "in the envelope, `" + each.method + "`";
   if (each.paper) return "paper's form, `" + each.method + "`";
   return "outside, `" + each.method + "`";

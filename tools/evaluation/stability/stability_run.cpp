@@ -61,8 +61,7 @@ void simulate(const StabilityCase& each, const std::string& session_file, const 
 }  // namespace
 
 StabilityTick StabilityTick::of(const rtbus::Telemetry& telemetry, const StabilityCase& each, double time_s) noexcept {
-  const bool along_z = each.task == StabilityTask::kBlock || each.task == StabilityTask::kSecondHand;
-  const std::size_t axis = along_z ? 2 : 1;
+  const std::size_t axis = each.along_z() ? 2 : 1;
   return {time_s,
           telemetry.position_m[axis],
           telemetry.force_n[axis],
@@ -88,7 +87,7 @@ StabilityResult run_case(const StabilityCase& each, const std::string& session_f
     simulate(each, session_file, extra, trace, out);
     const bool oscillates =
         out.outcome == StabilityOutcome::kDiverged && out.clamped_s <= kClampBarS && out.law_nonfinite == 0;
-    if (reference && oscillates && !each.moves_bodies() && each.method != "direct") {
+    if (reference && oscillates && !each.needs_bullet() && each.method != "direct") {
       StabilityResult direct;
       simulate(direct_reference(each, out.rendered_n_per_m, out.rendered_n_s_per_m), session_file, {}, nullptr, direct);
       out.reference_n = direct.swing_n;
