@@ -15,6 +15,16 @@ using Eigen::Vector3f;
 
 /// What leads this far (as a share of both lengths' product) towards the query leads there; below it is rounding.
 constexpr double kRounding = 1e-12;
+/// Nodes of more triangles have no bound of their normals: it would hardly be narrow, and it takes time to make.
+constexpr std::size_t kBounded = 256;
+/// Normals that are farther from an axis leave nothing out.
+constexpr double kWide = 0.1;
+/// For floats, and for what counts as a minimum within rounding.
+constexpr double kCosineMargin = 1e-5;
+
+Vector3d normal_of(const std::array<Vector3d, 3>& corner) {
+  return (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
+}
 
 Vector3f rounded_down(const Vector3d& v) {
   return v.unaryExpr(
@@ -91,11 +101,12 @@ Surface::Surface(const std::vector<Vector3d>& vertices_m, const std::vector<std:
     const auto& [a, b, c] = triangle.corner;
     if (has_area(a, b, c)) triangles_.push_back(triangle);  // else its edges are those of its neighbours
   }
-  find_neighbours();
-  if (!triangles_.empty()) build(0, triangles_.size());
+  Normals normals;
+  find_neighbours(normals);
+  if (!triangles_.empty()) build(0, triangles_.size(), normals);
 }
 
-void Surface::find_neighbours() {
+void Surface::find_neighbours(Normals& out) {
   struct Side {
     std::uint32_t low, high, across, triangle, index;
   };
@@ -123,6 +134,24 @@ void Surface::find_neighbours() {
     across_.push_back(side.across);
   }
   across_first_.push_back(static_cast<std::uint32_t>(across_.size()));
+  out.open.assign(vertices_m_.size(), false);
+  for (std::size_t s = 0, end = 0; s < sides.size(); s = end) {
+    while (end < sides.size() && sides[end].low == sides[s].low && sides[end].high == sides[s].high) ++end;
+    const auto upward = [&](const Side& side) { return triangles_[side.triangle].vertex[side.index] == side.low; };
+    if (end - s != 2 || upward(sides[s]) == upward(sides[s + 1])) {
+      out.open[sides[s].low] = out.open[sides[s].high] = true;
+    }
+  }
+  out.first.assign(vertices_m_.size() + 1, 0);
+  for (const Triangle& triangle : triangles_) {
+    for (const std::uint32_t vertex : triangle.vertex) ++out.first[vertex + 1];
+  }
+  for (std::size_t i = 1; i < out.first.size(); ++i) out.first[i] += out.first[i - 1];
+  out.normal.resize(3 * triangles_.size());
+  std::vector<std::uint32_t> next(out.first.begin(), out.first.end() - 1);
+  for (const Triangle& triangle : triangles_) {
+    for (const std::uint32_t vertex : triangle.vertex) out.normal[next[vertex]++] = normal_of(triangle.corner);
+  }
   std::sort(leads.begin(), leads.end());
   ring_first_.assign(vertices_m_.size() + 1, 0);
   for (const auto& [from, to] : leads) {
@@ -133,7 +162,7 @@ void Surface::find_neighbours() {
 }
 
 /// Halves the triangles at the median of their centres along the longest side of the box. Recursion: log2(n) deep.
-void Surface::build(std::size_t first, std::size_t count) {
+void Surface::build(std::size_t first, std::size_t count, const Normals& normals) {
   const auto begin = triangles_.begin() + static_cast<std::ptrdiff_t>(first);
   const auto end = begin + static_cast<std::ptrdiff_t>(count);
   Vector3d low = begin->corner[0], high = low;
@@ -146,6 +175,7 @@ void Surface::build(std::size_t first, std::size_t count) {
   const std::size_t node = nodes_.size();
   nodes_.push_back({rounded_down(low), rounded_up(high), static_cast<std::uint32_t>(first),
                     count <= kLeaf ? static_cast<std::uint32_t>(count) : 0u});
+  if (count <= kBounded) bound_normals(first, count, normals, nodes_[node]);
   if (count <= kLeaf) return;
   Eigen::Index axis = 0;
   (void)(high - low).maxCoeff(&axis);
@@ -153,9 +183,43 @@ void Surface::build(std::size_t first, std::size_t count) {
   const std::size_t half = count / 2;
   std::nth_element(begin, begin + static_cast<std::ptrdiff_t>(half), end,
                    [&](const Triangle& a, const Triangle& b) { return centre(a) < centre(b); });
-  build(first, half);
+  build(first, half, normals);
   nodes_[node].first = static_cast<std::uint32_t>(nodes_.size());
-  build(first + half, count - half);
+  build(first + half, count - half, normals);
+}
+
+void Surface::bound_normals(std::size_t first, std::size_t count, const Normals& normals, Node& out) const {
+  Vector3d sum = Vector3d::Zero();
+  for (std::size_t i = first; i < first + count; ++i) sum += normal_of(triangles_[i].corner);
+  if (sum.norm() <= kRounding) return;
+  const Vector3f axis = sum.normalized().cast<float>();
+  double least = 1.0;
+  for (std::size_t i = first; i < first + count; ++i) {
+    for (const std::uint32_t vertex : triangles_[i].vertex) {
+      if (normals.open[vertex]) return;
+      for (std::uint32_t k = normals.first[vertex]; k < normals.first[vertex + 1]; ++k) {
+        least = std::min(least, axis.cast<double>().dot(normals.normal[k]));
+      }
+    }
+  }
+  if (least < kWide) return;
+  out.axis = axis;
+  out.cosine = static_cast<float>(least - kCosineMargin);
+}
+
+/// Whether no point of the node is a minimum: D. E. Johnson, E. Cohen, "Spatialized normal cone hierarchies", I3D 2001.
+/// The way from a minimum to the query is a mean of the normals that meet there. This holds where the faces around a
+/// vertex are a graph over some plane, closed around it; else the node has no bound.
+bool Surface::turns_away(const Node& node, const Vector3d& p) noexcept {
+  if (node.cosine < 0.0F) return false;
+  const Vector3d low = node.low.cast<double>(), high = node.high.cast<double>();
+  const Vector3d way = p - 0.5 * (low + high);
+  const double square = way.squaredNorm(), spread = 0.25 * (high - low).squaredNorm() / square;
+  const double cosine = static_cast<double>(node.cosine);
+  if (spread >= 1.0) return false;
+  // The cosine of both half angles together; beyond 90 degrees they leave nothing out.
+  const double both = cosine * std::sqrt(1.0 - spread) - std::sqrt((1.0 - cosine * cosine) * spread);
+  return both > 0.0 && std::abs(node.axis.cast<double>().dot(way)) < both * std::sqrt(square);
 }
 
 /// @param way From `at`, which is on that part of the triangle, to the query. No neighbour leads nearer to it.
@@ -208,7 +272,7 @@ std::size_t Surface::minima(const Vector3d& p, double reach_m, std::span<Minimum
     const Node& node = nodes_[index];
     const Vector3d outside =
         (node.low.cast<double>() - p).cwiseMax(p - node.high.cast<double>()).cwiseMax(Vector3d::Zero());
-    if (outside.squaredNorm() > reach * reach) continue;
+    if (outside.squaredNorm() > reach * reach || turns_away(node, p)) continue;
     if (node.count == 0) {
       stack[height++] = node.first;
       stack[height++] = index + 1;

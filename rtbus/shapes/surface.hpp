@@ -61,11 +61,22 @@ class Surface {
     Eigen::Vector3f low, high;
     std::uint32_t first = 0;  ///< Triangle of a leaf, else the right child.
     std::uint32_t count = 0;  ///< Triangles of a leaf, else 0.
+    /// All normals at its vertices are nearer to the axis than that; −1: they are anywhere.
+    Eigen::Vector3f axis = Eigen::Vector3f::UnitY();
+    float cosine = -1.0F;
+  };
+  /// Of all faces at a vertex, for the making of a tree: those of i are [first[i], first[i + 1]).
+  struct Normals {
+    std::vector<std::uint32_t> first;
+    std::vector<Eigen::Vector3d> normal;
+    std::vector<bool> open;  ///< The vertex is on an edge that does not join two faces, turned alike.
   };
   static constexpr std::size_t kLeaf = 4;
 
-  void find_neighbours();
-  void build(std::size_t first, std::size_t count);
+  void find_neighbours(Normals& out);
+  void build(std::size_t first, std::size_t count, const Normals& normals);
+  void bound_normals(std::size_t first, std::size_t count, const Normals& normals, Node& out) const;
+  [[nodiscard]] static bool turns_away(const Node& node, const Eigen::Vector3d& p) noexcept;
   [[nodiscard]] bool is_minimum(const Triangle& triangle, TrianglePart part, const Eigen::Vector3d& way,
                                 const Eigen::Vector3d& at) const noexcept;
 
