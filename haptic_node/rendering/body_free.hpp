@@ -60,6 +60,9 @@ class FreeBody {
                                     Eigen::Vector3d& from_centre_m,
                                     Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING;
 
+  /// Its mass, if that is so little beside the proxy's in a tick that the spring alone makes them swing; else 0.
+  [[nodiscard]] double light_kg(double proxy_kg) const noexcept;
+
   /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
 
