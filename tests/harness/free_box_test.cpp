@@ -1,5 +1,5 @@
-/// Free boxes that turn, tip and leave a table, and a ball that rolls, under a hand, with slow physics (simulated clock):
-/// against closed forms, and the same method at 10 kHz on both sides.
+/// Free boxes that turn, tip and leave a table, and a ball that rolls, under a hand, with slow physics (simulated
+/// clock): against closed forms, and the same method at 10 kHz on both sides.
 #include <gtest/gtest.h>
 
 #include <algorithm>
