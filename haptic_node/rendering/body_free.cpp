@@ -26,7 +26,8 @@ constexpr double kOut = 0.2, kOut_m_s = 0.05;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
-/// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less.
+/// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less. With its own spring it
+/// swings once in 28 ticks or faster, which is not slow beside an answer.
 constexpr double kHeavy = 20.0;
 /// Cosine of 18 degrees: a support that looks that way is on that face.
 constexpr double kSameWay = 0.95;
@@ -329,6 +330,11 @@ SolverContact FreeBody::row_of(const Support& support, double h) const noexcept 
   row.torsion_n_m_s = support.torsion_n_m_s;
   if (!supported_) row.held_n_s = friction_bound_n_ * h;
   return row;
+}
+
+double FreeBody::light_kg(double proxy_kg) const noexcept {
+  const bool light = inverse_mass_per_kg_ > 0.0 && inverse_mass_per_kg_ * proxy_kg * kHeavy >= 1.0;
+  return light ? 1.0 / inverse_mass_per_kg_ : 0.0;
 }
 
 bool FreeBody::join(const BodyMotion& motion, const Impulse& heard, bool touched, int self, double h,

@@ -58,6 +58,9 @@ class FreeBody {
   /// The scene tells its shape, and it is heavy enough to be met there.
   [[nodiscard]] bool has_shape() const noexcept { return has_shape_; }
 
+  /// Its mass, if that is so little beside the proxy's in a tick that the spring alone makes them swing; else 0.
+  [[nodiscard]] double light_kg(double proxy_kg) const noexcept;
+
   /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
 

@@ -62,6 +62,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   shapes_.forget_names();
   good_until_ns_ = 0;
   clock_.forget();
+  light_kg_ = 0.0;
 }
 
 /// A body of a pile, which no single impulse moves, feels other hands through physics alone.
@@ -306,14 +307,18 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   move_bodies(h);
 }
 
+/// A light body swings on the spring within few ticks. Physics hears of that too late to brake it, so that it is braked
+/// here: by half of what is critical, as long as it is touched.
 void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
-  const double lag = lag_of(spring, h);
+  LocalSpring damped = spring;
+  damped.damping_n_s_per_m = std::max(spring.damping_n_s_per_m, std::sqrt(spring.stiffness_n_per_m * light_kg_));
+  const double lag = lag_of(damped, h);
   SolverBody& proxy = solver_bodies_[0];
-  proxy.velocity_m_s = (spring.stiffness_n_per_m * (spring.goal_m - proxy_.position_m) +
-                        spring.damping_n_s_per_m * spring.goal_velocity_m_s) /
+  proxy.velocity_m_s = (damped.stiffness_n_per_m * (damped.goal_m - proxy_.position_m) +
+                        damped.damping_n_s_per_m * damped.goal_velocity_m_s) /
                        lag;
-  proxy_kg_ = h * lag;
-  proxy.inverse_mass_per_kg = 1.0 / proxy_kg_;
+  proxy_kg_ = h * lag_of(spring, h);
+  proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 }
 
 /// @returns rows.
@@ -396,9 +401,11 @@ std::size_t LocalWorld::gather(double h) noexcept {
   solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, h, shapes_, rows_.data(), touched);
   std::size_t rows = solved_contacts_;
   int next = 1;
+  light_kg_ = 0.0;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     auto* const free = bodies_[slot].as<FreeBody>();
     if (free == nullptr || !bodies_[slot].used) continue;
+    if (touched[slot]) light_kg_ = std::max(light_kg_, free->light_kg(proxy_kg_));
     const bool joins = free->join(bodies_[slot].motion, bodies_[slot].heard, touched[slot], next, h,
                                   solver_bodies_[static_cast<std::size_t>(next)]);
     next += joins ? 1 : 0;

@@ -47,6 +47,7 @@ struct StabilityEnvelope {
   static constexpr double kMaxLostShare = 0.1;
   static constexpr double kMaxJitterS = 0.002;
   static constexpr double kMaxMassRatio = 100.0;  ///< Body to proxy, and proxy to device, either way.
+  static constexpr double kLightestBody = 1e-3;   ///< Body to proxy, of the third generation.
   static constexpr double kMaxHandSpeedMS = 1.0;
   static constexpr int kIterations = 30;  ///< Of bullet: with 10 a stack of unequal boxes rattles by itself.
 };

@@ -189,7 +189,6 @@ void draw_moving_task(Random& random, StabilityCase& out) {
 
 StabilityCase draw_third(std::uint64_t seed) {
   constexpr std::array tasks{StabilityTask::kPress, StabilityTask::kRub, StabilityTask::kFree, StabilityTask::kDeep};
-  constexpr double kLightest = 1e-3;  // of the proxy
   Random random(seed);
   StabilityCase out;
   out.seed = seed;
@@ -197,7 +196,8 @@ StabilityCase draw_third(std::uint64_t seed) {
   out.method = kind < 0.5 || (kind >= 0.75 && kind < 0.9) ? StabilityEnvelope::kDefault : StabilityEnvelope::kLocal;
   if (kind < 0.75) {
     draw_envelope(random, out);
-    if (random.chance(0.2)) out.body_ratio = random.log_between(kLightest, 1.0 / StabilityEnvelope::kMaxMassRatio);
+    if (random.chance(0.2))
+      out.body_ratio = random.log_between(StabilityEnvelope::kLightestBody, 1.0 / StabilityEnvelope::kMaxMassRatio);
   } else {
     draw_wide(random, 10.0, out);
   }
