@@ -124,9 +124,9 @@ class Carrier {
   Vec3 speed_m_s_{};
 };
 
-/// Mean vertical force over whole waves; none when the device was lost meanwhile. A force acts until the next one, so
-/// each counts for as long: samples that come late or not at all change nothing. A wave in which the computer paused
-/// for longer than the device holds a force does not count.
+/// Mean vertical force over whole waves; none when too few came. A force acts until the next one, so each counts for as
+/// long: samples that come late or not at all change nothing. A wave in which the device was lost, or the computer
+/// paused for longer than it holds a force, does not count.
 std::optional<double> mean_force_n(Walk& walk, Carrier& carrier, double holds_s) {
   constexpr int kWaves = 4;
   struct Sum {
@@ -135,7 +135,7 @@ std::optional<double> mean_force_n(Walk& walk, Carrier& carrier, double holds_s)
   Sum all, wave;
   int waves = 0;
   double from = -1.0, in = -1.0, before_s = 0.0, before_n = 0.0;
-  const auto seen = walk.run(20.0 * Carrier::kPeriodS, [&](const DeviceSample& sample, double, Vec3& force_n) {
+  (void)walk.run(20.0 * Carrier::kPeriodS, [&](const DeviceSample& sample, double, Vec3& force_n) {
     force_n = carrier.force_n(sample);
     const double now_s = static_cast<double>(sample.time_ns) * 1e-9, periods = carrier.periods(sample);
     const double held_s = now_s - std::exchange(before_s, now_s), held_n = std::exchange(before_n, force_n[1]);
@@ -155,7 +155,7 @@ std::optional<double> mean_force_n(Walk& walk, Carrier& carrier, double holds_s)
     wave.time_s += held_s;
     return waves == kWaves;
   });
-  if (waves < kWaves || seen.lost > 0) return std::nullopt;
+  if (waves < kWaves) return std::nullopt;
   return all.impulse_n_s / all.time_s;
 }
 
