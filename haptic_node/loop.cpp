@@ -104,7 +104,7 @@ void Loop::take_orders() noexcept {
   if (!gains_.follow(orders_.wanted(), dt_s_)) return;
   const Gains& now = gains_.now();
   method_->set_gains(now.stiffness_n_per_m, now.damping_n_s_per_m);
-  safety_.set_stiffness(now.stiffness_n_per_m);
+  safety_.set_gains(now.stiffness_n_per_m, now.damping_n_s_per_m);
   if (state_.hand_stiffness_n_per_m > 0.0) {  // physics computes the force
     state_.hand_stiffness_n_per_m = now.stiffness_n_per_m;
     state_.hand_damping_n_s_per_m = now.damping_n_s_per_m;

@@ -29,7 +29,7 @@ constexpr double kDampingPerMassRate = 0.25;
 /// The coupling has a fifth: one encoder step of a tip at rest then makes less than 0.05 N on the stiffest spring of a
 /// Desktop.
 constexpr double kCouplingDampingPerMassRate = 0.2;
-/// What the passivity damper may make of one encoder step.
+/// What the passivity damper, or the allowance of the energy limit, may make of one encoder step.
 constexpr double kDamperNoise_n = 0.05;
 /// `local_contact` holds (docs/results.md) for bodies down to this part of the tip's mass as the world sees it.
 constexpr double kLightestBody = 0.01;
@@ -116,6 +116,8 @@ void read_safety(Map& entry, HapticConfig& out) {
   }
   if (out.wire.dds) out.link = across_network(out.link, out.wire.round_trip_s);
   safety.stiffness_n_per_m = out.stiffness_n_per_m;
+  safety.damping_n_s_per_m = out.damping_n_s_per_m;
+  safety.period_s = 1.0 / out.rate_hz;
   safety.force_timeout_s = device.force_timeout_s;
 
   PassivityConfig& passivity = safety.passivity;
@@ -131,7 +133,10 @@ void read_safety(Map& entry, HapticConfig& out) {
   passivity.stiffness_n_per_m = out.stiffness_n_per_m;
   passivity.counts_world_work = find_method(out.method)->counts_world_work;
   passivity.noise_speed_m_s = 2.0 * noise_m_s;
-  passivity.allowance_n_s_per_m = kDampingPerMassRate * device.apparent_mass_kg * out.rate_hz;
+  safety.allowance_most_n_s_per_m = kDampingPerMassRate * device.apparent_mass_kg * out.rate_hz;
+  safety.allowance_least_n_s_per_m =
+      std::min(safety.allowance_most_n_s_per_m, kDamperNoise_n / std::max(noise_m_s, 1e-9));
+  passivity.allowance_n_s_per_m = safety.allowance_n_s_per_m();
   passivity.viscous_damping_n_s_per_m = device.viscous_damping_n_s_per_m;
   passivity.coulomb_friction_n = device.coulomb_friction_n;
   passivity.position_quantum_m = device.position_quantum_m;

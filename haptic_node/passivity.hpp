@@ -66,10 +66,12 @@ class Passivity {
   [[nodiscard]] Eigen::Vector3d limit(const Eigen::Vector3d& force_n, double stored_n,
                                       const Eigen::Vector3d& velocity_m_s, bool& acted) noexcept RTBUS_NONBLOCKING;
 
-  /// The coupling has another stiffness and energy cap now; what is observed stays.
-  void set_stiffness(double stiffness_n_per_m, double energy_cap_j) noexcept RTBUS_NONBLOCKING {
+  /// The coupling has another stiffness, energy cap and allowance now; what is observed stays.
+  void set_coupling(double stiffness_n_per_m, double energy_cap_j,
+                    double allowance_n_s_per_m) noexcept RTBUS_NONBLOCKING {
     config_.stiffness_n_per_m = stiffness_n_per_m;
     config_.energy_cap_j = energy_cap_j;
+    config_.allowance_n_s_per_m = allowance_n_s_per_m;
   }
 
   /// Work of the hand on the device's force since start [J]; negative: the device returned more than it received.

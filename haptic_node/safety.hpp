@@ -26,14 +26,26 @@ struct SafetyConfig {
   double thermal_time_constant_s = 12.0;
   double slew_n_per_ms = 3.0;  ///< Growth and turning of the force; toward zero it may go 10 times faster.
   double stiffness_n_per_m =
-      0.0;                    ///< Of the coupling: the slew limit of a force against the motion is larger by 4·K·|v|.
-  double workspace_m = 0.0;   ///< Diagonal of the device's workspace.
-  double start_ramp_s = 0.2;  ///< 0 → 1 after enable, an E-stop, and a device that was lost.
-  double resume_ramp_s = 0.1;  ///< 0 → 1 after a loss, an overspeed cut or a clutch.
+      0.0;  ///< Of the coupling: the slew limit of a force against the motion is larger by 4·K·|v|.
+  double damping_n_s_per_m = 0.0;  ///< Of the coupling.
+  double period_s = 1e-3;          ///< Of the loop.
+  double workspace_m = 0.0;        ///< Diagonal of the device's workspace.
+  double start_ramp_s = 0.2;       ///< 0 → 1 after enable, an E-stop, and a device that was lost.
+  double resume_ramp_s = 0.1;      ///< 0 → 1 after a loss, an overspeed cut or a clutch.
   double overspeed_m_s = 2.0;
   double stale_fade_s = 0.04;     ///< 1 → 0 once loss is declared.
   double force_timeout_s = 0.02;  ///< The device's own time-out: after so long without a write it applies zero.
+  double allowance_least_n_s_per_m = 0.0, allowance_most_n_s_per_m = 0.0;  ///< Of allowance_n_s_per_m().
   PassivityConfig passivity;
+
+  /// By how much more than the energy limit a force against the motion may be, per speed: the damper of the coupling,
+  /// and what its spring grows by until the hand's work is counted. What the noise of the speed makes of it is felt
+  /// where the energy limit holds the force back, so it is no more than that and what noise nobody feels.
+  [[nodiscard]] double allowance_n_s_per_m() const noexcept {
+    constexpr double kPeriodsUntilCounted = 2.0;
+    return std::clamp(damping_n_s_per_m + kPeriodsUntilCounted * stiffness_n_per_m * period_s,
+                      allowance_least_n_s_per_m, allowance_most_n_s_per_m);
+  }
 
   /// A spring of this stiffness cannot hold more than this: at the force limit, or stretched across the workspace.
   [[nodiscard]] double energy_cap_j() const noexcept {
@@ -108,10 +120,11 @@ class SafetyLadder {
   /// Physics puts the proxy onto the hand and counts its work from zero. @realtime Yes.
   void world_begins_anew() noexcept RTBUS_NONBLOCKING { passivity_.forget_claim(); }
 
-  /// The coupling has another stiffness now [N/m]. @realtime Yes.
-  void set_stiffness(double stiffness_n_per_m) noexcept RTBUS_NONBLOCKING {
+  /// The coupling has other gains now [N/m, N·s/m]. @realtime Yes.
+  void set_gains(double stiffness_n_per_m, double damping_n_s_per_m) noexcept RTBUS_NONBLOCKING {
     config_.stiffness_n_per_m = stiffness_n_per_m;
-    passivity_.set_stiffness(stiffness_n_per_m, config_.energy_cap_j());
+    config_.damping_n_s_per_m = damping_n_s_per_m;
+    passivity_.set_coupling(stiffness_n_per_m, config_.energy_cap_j(), config_.allowance_n_s_per_m());
   }
 
   [[nodiscard]] const Passivity& passivity() const noexcept { return passivity_; }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <ostream>
 #include <set>
 #include <string>
 #include <utility>
@@ -15,6 +16,8 @@
 #include "tools/evaluation/faults/fault_cell.hpp"
 
 namespace tools {
+void PrintTo(const FaultRow& row, std::ostream* out) { *out << row.name; }
+
 namespace {
 
 FaultOutcome run(const FaultRow& row) {

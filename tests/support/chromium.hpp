@@ -181,8 +181,9 @@ class Tab {
     if (result.contains("exceptionDetails")) throw std::runtime_error(expression + ": " + result.dump());
     return result["result"].value("value", Json());
   }
-  /// Asks every 20 ms until the expression is true; false after `timeout_s`.
-  bool becomes(const std::string& expression, double timeout_s = 20.0) {
+  /// Asks every 20 ms until the expression is true; false after `timeout_s`. How soon a page shows something is no
+  /// promise of it: a browser that draws in software on a busy machine takes its time.
+  bool becomes(const std::string& expression, double timeout_s = 60.0) {
     const std::uint64_t end_ns = rtbus::monotonic_ns() + rtbus::ns_of(timeout_s);
     while (rtbus::monotonic_ns() < end_ns) {
       if (evaluate("Boolean(" + expression + ")").get<bool>()) return true;

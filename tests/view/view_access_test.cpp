@@ -45,7 +45,7 @@ TEST_F(View, RefusesStrangers) {
   // A page with the wrong key says what to do, and does not try again.
   Tab tab(*browser_, 320, 240);
   tab.open("http://" + server->host() + "/#k=wrong");
-  EXPECT_TRUE(tab.becomes("window.rtbusTest && rtbusTest.reason().includes('wrong key')", 10.0));
+  EXPECT_TRUE(tab.becomes("window.rtbusTest && rtbusTest.reason().includes('wrong key')"));
 }
 
 std::size_t resident_kib(pid_t pid) {
@@ -74,7 +74,7 @@ TEST_F(View, AVisitorThatNeverReadsHoldsNothing) {
   const std::size_t before_kib = resident_kib(server->process().pid());
   const std::string more = "rtbusTest.frames() > 5 + " + tab.evaluate("rtbusTest.frames()").dump();
   (void)tab.becomes("false", 2.0);
-  EXPECT_TRUE(tab.becomes(more, 15.0));
+  EXPECT_TRUE(tab.becomes(more));
   EXPECT_LT(resident_kib(server->process().pid()), before_kib + 4096);  // the history of the curves grows meanwhile
   // The ninth is turned away.
   Visitor ninth(server->port());

@@ -138,7 +138,7 @@ TEST_F(View, SaysThatAMeshIsMissing) {
   const ViewServer server(bus_.name);
   Tab tab(*browser_, 320, 240);
   tab.open(server.url());
-  EXPECT_TRUE(tab.becomes("window.rtbusTest && rtbusTest.reason().includes('wedge.obj')", 10.0))
+  EXPECT_TRUE(tab.becomes("window.rtbusTest && rtbusTest.reason().includes('wedge.obj')"))
       << tab.evaluate("document.body.innerText");
   std::filesystem::remove_all(folder);
 }

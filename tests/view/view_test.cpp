@@ -66,13 +66,13 @@ TEST_F(View, TurnsRedSoonAfterPhysicsIsLost) {
   for (int round = 0; round < 3 && best_s > 0.3; ++round) {
     physics_->signal(SIGSTOP);
     const std::uint64_t began_ns = rtbus::monotonic_ns();
-    EXPECT_TRUE(tab.becomes("document.getElementById('banner').dataset.level === 'bad'", 5.0));
+    EXPECT_TRUE(tab.becomes("document.getElementById('banner').dataset.level === 'bad'"));
     best_s = std::min(best_s, rtbus::seconds_between(began_ns, rtbus::monotonic_ns()));
-    EXPECT_TRUE(tab.becomes("rtbusTest.word() === 'LOST'", 5.0)) << tab.evaluate("rtbusTest.word()");
+    EXPECT_TRUE(tab.becomes("rtbusTest.word() === 'LOST'")) << tab.evaluate("rtbusTest.word()");
     EXPECT_THAT(tab.evaluate("rtbusTest.reason()").get<std::string>(), HasSubstr("physics lost"));
     if (round == 0) keep(tab, "lost");
     physics_->signal(SIGCONT);
-    EXPECT_TRUE(tab.becomes("document.getElementById('banner').dataset.level === 'good'", 10.0))
+    EXPECT_TRUE(tab.becomes("document.getElementById('banner').dataset.level === 'good'"))
         << tab.evaluate("rtbusTest.word() + rtbusTest.reason()");
   }
   EXPECT_LE(best_s, 0.3);
@@ -91,18 +91,18 @@ TEST_F(View, FindsItsServerAndItsSessionAgain) {
     EXPECT_EQ(each->evaluate("rtbusTest.page.scene.bodies.length"), 126);
   }
   server.reset();
-  EXPECT_TRUE(tab.becomes("rtbusTest.word() === 'DISCONNECTED'", 5.0));
+  EXPECT_TRUE(tab.becomes("rtbusTest.word() === 'DISCONNECTED'"));
   server = std::make_unique<ViewServer>(bus_.name, std::vector<std::string>{}, port);
   const std::string newer = "rtbusTest.frames() > " + tab.evaluate("rtbusTest.frames()").dump();
-  EXPECT_TRUE(tab.becomes("rtbusTest.word() !== 'DISCONNECTED' && " + newer, 10.0));
+  EXPECT_TRUE(tab.becomes("rtbusTest.word() !== 'DISCONNECTED' && " + newer));
   // The browser complained of the connections that it could not make: that is as it should be.
   browser_->forget_complaints();
 
   haptic_.reset();
   physics_.reset();
-  EXPECT_TRUE(tab.becomes("['ENDED', 'LOST'].includes(rtbusTest.word())", 5.0)) << tab.evaluate("rtbusTest.word()");
+  EXPECT_TRUE(tab.becomes("['ENDED', 'LOST'].includes(rtbusTest.word())")) << tab.evaluate("rtbusTest.word()");
   start_nodes("free_block.yaml");
-  EXPECT_TRUE(tab.becomes("rtbusTest.page.scene.file.includes('free_block') && rtbusTest.ready()", 15.0))
+  EXPECT_TRUE(tab.becomes("rtbusTest.page.scene.file.includes('free_block') && rtbusTest.ready()"))
       << tab.evaluate("rtbusTest.word() + rtbusTest.reason()");
 }
 #endif
@@ -180,7 +180,7 @@ TEST_F(View, ASpikeOfOneTickIsInTheCurves) {
   for (const char* const window_s : {"5", "60"}) {
     tab.evaluate("(() => { const w = document.getElementById('window'); w.value = '" + std::string(window_s) +
                  "'; w.onchange({ target: w }); })()");
-    EXPECT_TRUE(tab.becomes(peak + " > 5.99", 15.0)) << window_s << " s: " << tab.evaluate(peak);
+    EXPECT_TRUE(tab.becomes(peak + " > 5.99")) << window_s << " s: " << tab.evaluate(peak);
   }
   // Of the ticks in the CSV, exactly one has it.
   EXPECT_EQ(tab.evaluate("rtbusTest.page.curves.csv().split('\\n').filter((l) => Number(l.split(',')[2]) > 5).length"),
@@ -204,7 +204,7 @@ TEST_F(View, SaysTheStateAndWhy) {
     script.safety = bits;
     script.gate = gate;
     scripted_->set(script);
-    EXPECT_TRUE(tab.becomes("rtbusTest.word() === '" + word + "' && rtbusTest.reason().includes('" + why + "')", 5.0))
+    EXPECT_TRUE(tab.becomes("rtbusTest.word() === '" + word + "' && rtbusTest.reason().includes('" + why + "')"))
         << word << ": " << tab.evaluate("rtbusTest.word() + rtbusTest.reason()");
   };
   expect(0, 1.0, "NORMAL", "");
@@ -215,7 +215,7 @@ TEST_F(View, SaysTheStateAndWhy) {
   expect(haptic::kOverspeed, 0.0, "CUT", "faster");
   expect(0, 1.0, "NORMAL", "");
   scripted_.reset();
-  EXPECT_TRUE(tab.becomes("['ENDED', 'LOST'].includes(rtbusTest.word())", 5.0)) << tab.evaluate("rtbusTest.word()");
+  EXPECT_TRUE(tab.becomes("['ENDED', 'LOST'].includes(rtbusTest.word())")) << tab.evaluate("rtbusTest.word()");
 }
 
 }  // namespace

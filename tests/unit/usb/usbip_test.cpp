@@ -278,6 +278,19 @@ TEST_F(UsbipServerTest, AnotherPortThatIsTakenIsExplained) {
   EXPECT_FALSE(UsbipServer::listen({std::make_unique<tests::EchoDevice>(), {}}, "not an address", 0));
 }
 
+// It asks nobody for a password: who is on another address reaches nothing.
+TEST_F(UsbipServerTest, IsReachedByItsOwnAddressAlone) {
+  serve();
+  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in where{};
+  where.sin_family = AF_INET;
+  where.sin_port = htons(server_->port());
+  where.sin_addr.s_addr = htonl(INADDR_LOOPBACK + 1);  // this machine, too, for a server that takes all addresses
+  EXPECT_NE(::connect(fd, reinterpret_cast<sockaddr*>(&where), sizeof where), 0);
+  EXPECT_EQ(errno, ECONNREFUSED);
+  ::close(fd);
+}
+
 TEST_F(UsbipServerTest, NonsenseEndsThatClientAlone) {
   serve();
   std::uint32_t state = 12345;

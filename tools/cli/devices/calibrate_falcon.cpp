@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <iostream>
 #include <optional>
+#include <utility>
 
 #include "rtbus/clock.hpp"
 #include "tools/cli/common/formatted.hpp"
@@ -123,25 +124,39 @@ class Carrier {
   Vec3 speed_m_s_{};
 };
 
-/// Mean vertical force over whole waves; none when the device was lost meanwhile.
-std::optional<double> mean_force_n(Walk& walk, Carrier& carrier) {
+/// Mean vertical force over whole waves; none when too few came. A force acts until the next one, so each counts for as
+/// long: samples that come late or not at all change nothing. A wave in which the device was lost, or the computer
+/// paused for longer than it holds a force, does not count.
+std::optional<double> mean_force_n(Walk& walk, Carrier& carrier, double holds_s) {
   constexpr int kWaves = 4;
-  double sum_n = 0.0, first = -1.0;
-  int count = 0;
-  bool whole = false;
-  const auto seen = walk.run(20.0 * Carrier::kPeriodS, [&](const DeviceSample& sample, double, Vec3& force_n) {
+  struct Sum {
+    double impulse_n_s = 0.0, time_s = 0.0;
+  };
+  Sum all, wave;
+  int waves = 0;
+  double from = -1.0, in = -1.0, before_s = 0.0, before_n = 0.0;
+  (void)walk.run(20.0 * Carrier::kPeriodS, [&](const DeviceSample& sample, double, Vec3& force_n) {
     force_n = carrier.force_n(sample);
-    const double at = carrier.periods(sample);
-    if (first < 0.0 && at >= 0.0) first = std::floor(at) + 1.0;  // from the beginning of a wave on
-    if (first < 0.0 || at < first) return false;
-    whole = at >= first + kWaves;
-    if (whole) return true;
-    sum_n += force_n[1];
-    ++count;
-    return false;
+    const double now_s = static_cast<double>(sample.time_ns) * 1e-9, periods = carrier.periods(sample);
+    const double held_s = now_s - std::exchange(before_s, now_s), held_n = std::exchange(before_n, force_n[1]);
+    if (periods < 0.0) return false;
+    if (from < 0.0 || held_s > holds_s) {
+      from = std::floor(periods) + 1.0;
+      wave = {};
+    }
+    if (periods < from) return false;
+    if (std::exchange(in, std::floor(periods)) < std::floor(periods) && wave.time_s > 0.0) {
+      all.impulse_n_s += wave.impulse_n_s;
+      all.time_s += wave.time_s;
+      wave = {};
+      ++waves;
+    }
+    wave.impulse_n_s += held_n * held_s;
+    wave.time_s += held_s;
+    return waves == kWaves;
   });
-  if (!whole || count == 0 || seen.lost > 0) return std::nullopt;
-  return sum_n / count;
+  if (waves < kWaves) return std::nullopt;
+  return all.impulse_n_s / all.time_s;
 }
 
 /// Carries the grip until the user has hung the mass.
@@ -169,10 +184,10 @@ bool wait_for_mass(Walk& walk, Carrier& carrier, const GuideOptions& options) {
 GuidedStep test_mass(Walk& walk, const drivers::DeviceInfo& info, const GuideOptions& options, Calibration& out) {
   const double weight_n = options.mass_kg * kGravityM_s2;
   Carrier carrier(std::min(info.max_force_n, 2.0 * weight_n + 2.0));
-  const auto alone_n = mean_force_n(walk, carrier);
+  const auto alone_n = mean_force_n(walk, carrier, info.force_timeout_s);
   if (!alone_n) return {"force", false, "the device was lost, or the grip did not move freely"};
   if (!wait_for_mass(walk, carrier, options)) return {"force", false, "ended"};
-  const auto loaded_n = mean_force_n(walk, carrier);
+  const auto loaded_n = mean_force_n(walk, carrier, info.force_timeout_s);
   if (!loaded_n) return {"force", false, "the device was lost, or the grip did not move freely"};
   // What was commanded to carry it, over what it weighs.
   const double ratio = (*loaded_n - *alone_n) / weight_n;

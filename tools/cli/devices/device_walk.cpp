@@ -55,6 +55,9 @@ Walk::Outcome Walk::run(double seconds, const Each& each) {
   std::uint64_t last_ns = start_ns;
   bool enough = false;
   const Housekeeping housekeeping(device_);  // a calibration that the driver asks for goes on there
+  // A hand, or a weight, hangs on these forces: a busy machine must not be late for them.
+  const rtbus::ThreadScheduling ordinary;
+  (void)rtbus::prefer_on_time();
   while (!enough && !interrupted() && out.elapsed_s < seconds) {
     if (!device_.info().can_pace_loop || device_.wait_sample(last_ns + 2 * period_ns_) == drivers::IoStatus::kLost) {
       rtbus::sleep_until(last_ns + period_ns_);
@@ -74,6 +77,7 @@ Walk::Outcome Walk::run(double seconds, const Each& each) {
     if (std::string notice = device_.take_notice(); !notice.empty()) std::fprintf(stderr, "  %s\n", notice.c_str());
   }
   (void)device_.write(rtbus::monotonic_ns(), {});
+  ordinary.restore();
   return out;
 }
 

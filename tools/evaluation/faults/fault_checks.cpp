@@ -10,8 +10,8 @@ namespace tools {
 namespace {
 
 constexpr double kStillFelt_percent = 50.0;
-/// Of the force, share of its peak. The resume ramp takes 100 ms, so 1 %/ms; the damper on a moving hand adds some, and
-/// a cycle that comes late by a pause catches up what the ramp did meanwhile. A step would be near 100 %/ms.
+/// Of the force, share of its peak. A ramp makes 1 to 2 %/ms. Damper and energy limit make 0.05 N of an encoder step
+/// each, while the ramp does not act: 10 % of a peak of 1 N. A step would be near 100 %/ms. docs/safety.md, "Growth".
 constexpr double kGrowth_percent_per_ms = 10.0;
 constexpr double kReturn_ms = 5000.0;
 /// Of the haptic loop, later than the witness's: what the machine itself did to both is in the witness.

@@ -77,6 +77,7 @@ inline constexpr double kEstopZero_ms = 100.0;              ///< From the order.
 [[nodiscard]] std::vector<FaultRow> supervisor_faults();
 [[nodiscard]] std::vector<FaultRow> topic_faults();
 [[nodiscard]] std::vector<FaultRow> observer_faults();
+[[nodiscard]] std::vector<FaultRow> bridge_faults();
 [[nodiscard]] std::vector<FaultRow> resource_faults();
 [[nodiscard]] std::vector<FaultRow> machine_faults();
 [[nodiscard]] std::vector<FaultRow> engine_faults();

@@ -8,8 +8,8 @@ namespace tools {
 const std::vector<FaultRow>& fault_rows() {
   static const std::vector<FaultRow> rows = [] {
     std::vector<FaultRow> out;
-    for (const auto family : {&node_faults, &supervisor_faults, &topic_faults, &observer_faults, &resource_faults,
-                              &machine_faults, &engine_faults, &device_faults}) {
+    for (const auto family : {&node_faults, &supervisor_faults, &topic_faults, &observer_faults, &bridge_faults,
+                              &resource_faults, &machine_faults, &engine_faults, &device_faults}) {
       std::vector<FaultRow> more = family();
       std::move(more.begin(), more.end(), std::back_inserter(out));
     }
