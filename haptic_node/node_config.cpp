@@ -147,18 +147,18 @@ void read_safety(Map& entry, HapticConfig& out) {
 
 /// Without `method`: the most exact one that the session allows. The pipe carries no contacts, and what the paper does
 /// not have cannot be as the paper has it. A body that is very light beside the tip is thrown by the impulses of one
-/// step of physics; and soft ones give way twice as much in the loop as they do (decision 0008), which no rate of
-/// physics mends. Hands on several machines know of each other through physics alone, a round trip late.
-const char* default_method(const rtbus::config::SessionConfig& session, const rtbus::config::LinkConfig& wire,
+/// step of physics, unless the engine lets it yield to the tool (World::drive_tool). Hands on several machines know of
+/// each other through physics alone, a round trip late.
+const char* default_method(rtbus::config::SessionConfig& session, const rtbus::config::LinkConfig& wire,
                            double tip_mass_kg) {
   if (!session.physics) return "direct";
   const auto& bodies = session.scene.bodies;
-  const bool light = std::any_of(bodies.begin(), bodies.end(), [tip_mass_kg](const auto& body) {
+  const bool yields = session.physics->text("engine", "") == "bullet";
+  const bool light = !yields && std::any_of(bodies.begin(), bodies.end(), [tip_mass_kg](const auto& body) {
     return body.mass_kg > 0.0 && body.mass_kg < kLightestBody * tip_mass_kg;
   });
-  const bool soft = !session.scene.soft_bodies.empty();
   const bool far_hands = wire.dds && refused_across_network(*find_method("local_contact"), session.haptic.size());
-  return wire.paper || wire.pipe || far_hands || light || soft ? "remote_virtual_coupling" : "local_contact";
+  return wire.paper || wire.pipe || far_hands || light ? "remote_virtual_coupling" : "local_contact";
 }
 
 /// Keys of the link and of some methods, and what does not go together. @param hands Of the session.

@@ -7,7 +7,8 @@
 namespace physics {
 namespace {
 
-static_assert(kMaxContacts == rtbus::kContactSlots && kMaxSupports == rtbus::kSupportSlots);
+static_assert(kMaxContacts == rtbus::kContactSlots && kMaxSupports == rtbus::kSupportSlots &&
+              ToolReaction::kInstants == rtbus::kYieldSlots);
 
 using rtbus::array_of;
 
@@ -38,7 +39,6 @@ void fill_contact(const Contact& contact, std::size_t i, rtbus::ProxyContacts& o
   out.contact_velocity_m_s[i] = array_of(contact.surface_velocity_m_s);
   out.contact_friction[i] = contact.friction;
   out.contact_curvature_per_m[i] = contact.curvature_per_m;
-  out.contact_compliance_m_per_n[i] = contact.compliance_m_per_n;
   out.contact_inverse_mass_per_kg[i] = array_of(contact.inverse_mass_per_kg);
 }
 
@@ -72,13 +72,40 @@ void fill_support(const Support& support, std::size_t i, rtbus::ProxyContacts& o
   out.support_points[i] = support.points;
 }
 
+void fill_reaction(const ToolReaction& reaction, rtbus::ProxyContacts& out) {
+  out.yields = static_cast<std::uint32_t>(reaction.count);
+  out.yield_stiffness_n_per_m = reaction.stiffness_n_per_m;
+  out.yield_stiffness_across_n_per_m = reaction.stiffness_across_n_per_m;
+  out.yield_friction = reaction.friction;
+  for (std::size_t i = 0; i < reaction.count; ++i) {
+    const ToolReaction::Instant& each = reaction.instants[i];
+    out.yield_after_s[i] = each.after_s;
+    out.yield_tool_m[i] = array_of(each.tool_m);
+    out.yield_reaction_n[i] = array_of(each.reaction_n);
+    out.yield_normal[i] = array_of(each.normal);
+    out.yield_gap_m[i] = each.gap_m;
+  }
+}
+
+/// Rows of bodies that are not soft: they come first, and what soft ones do is told otherwise.
+std::size_t rigid_rows(const ContactSet& set) {
+  return static_cast<std::size_t>(std::find_if(set.bodies.begin(), set.bodies.end(),
+                                               [](const BodyBehind& body) { return body.kind == BodyKind::kSoft; }) -
+                                  set.bodies.begin());
+}
+
 }  // namespace
 
-void fill_message(const ContactSet& set, const rtbus::ProxyState& proxy, rtbus::ProxyContacts& out) {
+void fill_message(const ContactSet& set, const ToolReaction& reaction, const rtbus::ProxyState& proxy,
+                  rtbus::ProxyContacts& out) {
   out = rtbus::ProxyContacts{};
   fill_head(set, proxy, out);
-  out.contacts = static_cast<std::uint32_t>(std::min(set.contacts.size(), kMaxContacts));
-  out.bodies = static_cast<std::uint32_t>(std::min(set.bodies.size(), kMaxContacts));
+  fill_reaction(reaction, out);
+  out.bodies = static_cast<std::uint32_t>(std::min(rigid_rows(set), kMaxContacts));
+  const auto soft = std::find_if(set.contacts.begin(), set.contacts.end(),
+                                 [&out](const Contact& contact) { return contact.row >= out.bodies; });
+  out.contacts =
+      static_cast<std::uint32_t>(std::min(static_cast<std::size_t>(soft - set.contacts.begin()), kMaxContacts));
   out.supports = static_cast<std::uint32_t>(std::min(set.supports.size(), kMaxSupports));
   for (std::size_t i = 0; i < out.contacts; ++i) fill_contact(set.contacts[i], i, out);
   for (std::size_t i = 0; i < out.bodies; ++i) fill_body(set.bodies[i], i, out);

@@ -6,8 +6,10 @@
 
 namespace physics {
 
-/// Overwrites `out`. `proxy` is the answer of the same step; rows that `set` does not use are zero.
-void fill_message(const ContactSet& set, const rtbus::ProxyState& proxy, rtbus::ProxyContacts& out);
+/// Overwrites `out`. `proxy` is the answer of the same step; rows that are not used are zero. Contacts of soft bodies
+/// are left out: what they do is the reaction's.
+void fill_message(const ContactSet& set, const ToolReaction& reaction, const rtbus::ProxyState& proxy,
+                  rtbus::ProxyContacts& out);
 
 /// The same for observers. Overwrites `out` but for its step and time.
 void fill_points(const ContactSet& set, rtbus::ContactPoints& out);

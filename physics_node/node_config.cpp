@@ -85,6 +85,7 @@ ProxyConfig read_proxy_config(rtbus::config::HapticEntry& entry) {
   ProxyConfig config;
   config.device = entry.name;
   config.wire = rtbus::config::read_link_config(entry.map);
+  config.rate_hz = entry.map.number("rate_hz", {500.0, 10000.0}, config.rate_hz);
   bool has_stiffness = false;
   if (auto proxy = entry.map.optional_map("proxy")) {
     const rtbus::config::ProxyBodyConfig body = rtbus::config::read_proxy_body(*proxy);

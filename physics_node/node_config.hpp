@@ -60,6 +60,7 @@ struct ProxyConfig {
   double lead_steps = 0.0;  ///< The proxy is pulled to the device's predicted position so many steps later.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP until the device first speaks.
   rtbus::config::LinkConfig wire;                        ///< Form of the method; how packets come.
+  double rate_hz = 1000.0;                               ///< Of the haptic loop.
 };
 
 struct NodeConfig {

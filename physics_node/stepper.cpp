@@ -17,6 +17,11 @@ using Eigen::Vector3d;
 using rtbus::array_of;
 using rtbus::vector_of;
 
+/// Over so long the velocity is averaged at which a tool is taken to go on: an encoder's steps must not throw it.
+constexpr double kDrift_s = 15e-3;
+/// So far ahead at most it is told what becomes of what yields.
+constexpr double kFarthestAhead_s = 0.25;
+
 }  // namespace
 
 Stepper::Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& proxies, int substeps,
@@ -24,8 +29,8 @@ Stepper::Stepper(std::unique_ptr<World> world, const std::vector<ProxyConfig>& p
     : world_(std::move(world)), substeps_(std::max(1, substeps)), shape_hash_(shape_hash) {
   for (const ProxyConfig& config : proxies) {
     // Until its device speaks it touches nothing: its first state brings it in.
-    world_->release_proxy(
-        world_->add_proxy({config.device, config.mass_kg, config.radius_m, config.friction, config.position_m}));
+    world_->release_proxy(world_->add_proxy(
+        {config.device, config.mass_kg, config.radius_m, config.friction, config.position_m, 1.0 / config.rate_hz}));
     Link link;
     link.config = config;
     link.target.position_m = config.position_m;
@@ -66,6 +71,11 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   } else {
     queue_hand_impulses(link, device);
   }
+  if (begins) {
+    link.drift_ns = 0;
+    link.spring_n_s.setZero();
+  }
+  follow_drift(link, device);
   link.answer_age_s = std::max(device.answer_age_s, begins ? 0.0 : kAgeKept * link.answer_age_s);
   link.position_scale = device.position_scale;
   link.mapping_epoch = device.mapping_epoch;
@@ -79,7 +89,20 @@ void Stepper::hear(std::size_t proxy, const rtbus::DeviceState& device) {
   const bool goes_on = !link.silent && link.owns_proxy && device.enabled != 0 &&
                        (device.wants & rtbus::kOwnsProxy) != 0 && device.mapping_epoch == link.mapping_epoch;
   if (!goes_on || device.sample_time_ns <= link.hand_impulses.time_ns) return;
-  if (rtbus::sane(device, device.sample_time_ns)) queue_hand_impulses(link, device);
+  if (!rtbus::sane(device, device.sample_time_ns)) return;
+  queue_hand_impulses(link, device);
+  follow_drift(link, device);
+}
+
+void Stepper::follow_drift(Link& link, const rtbus::DeviceState& device) {
+  const Vector3d at_m = vector_of(device.target_position_m);
+  if (link.drift_ns == 0) link.drift_m_s.setZero();
+  if (link.drift_ns != 0 && device.sample_time_ns > link.drift_ns) {
+    const double h = rtbus::seconds_between(link.drift_ns, device.sample_time_ns);
+    link.drift_m_s += -std::expm1(-h / kDrift_s) * ((at_m - link.drift_at_m) / h - link.drift_m_s);
+  }
+  link.drift_ns = device.sample_time_ns;
+  link.drift_at_m = at_m;
 }
 
 /// What the hand did since its sample before.
@@ -134,7 +157,12 @@ void Stepper::apply_pending(std::size_t proxy, double from, double to, double dt
     push->angular_n_m_s += share * pending.angular_n_m_s;
   }
   const double per_s = 1.0 / ((to - from) * dt_s);
+  link.tool_push_n.setZero();
   for (const PendingImpulse& push : pushes_) {
+    if (push.body == rtbus::kYieldingBodies) {
+      link.tool_push_n = per_s * push.impulse_n_s;
+      continue;
+    }
     world_->apply_hand_force(proxy, push.body, per_s * push.impulse_n_s, per_s * push.angular_n_m_s);
   }
 }
@@ -169,7 +197,11 @@ void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts&
     body.orientation = pose.orientation;
     body.origin_from_centre_m = pose.position_m - body.centre_m;
   }
-  fill_message(contacts_, answer(proxy), out);
+  const Link& link = links_[proxy];
+  world_->tool_reaction(proxy, contacts_.radius_m,
+                        std::min(std::max(2.0 * step_s_, link.answer_age_s), kFarthestAhead_s), link.drift_m_s,
+                        reaction_);
+  fill_message(contacts_, reaction_, answer(proxy), out);
   out.shape_hash = shape_hash_;
   out.device_time_ns = received_until_ns(links_[proxy]);
   out.hands = static_cast<std::uint32_t>(std::min(links_.size(), rtbus::kHandSlots));
@@ -217,7 +249,7 @@ void Stepper::step(double dt_s, int substeps) {
     gather_impulses(link, dt_s);
   }
   const auto end_of = [dt_s](const Link& link) -> Vector3d {
-    if (!link.enabled || link.config.lead_steps == 0.0) return link.target.position_m;
+    if (!link.enabled || link.owns_proxy || link.config.lead_steps == 0.0) return link.target.position_m;
     return link.target.position_m + link.config.lead_steps * dt_s * link.target.velocity_m_s;
   };
   for (int part = 1; part <= substeps; ++part) {
@@ -227,6 +259,7 @@ void Stepper::step(double dt_s, int substeps) {
       if (link.owns_proxy) {
         world_->place_proxy(i, link.target.position_m, link.target.velocity_m_s);
         apply_pending(i, (part - 1.0) / substeps, static_cast<double>(part) / substeps, dt_s);
+        drive_tool(i, static_cast<double>(part) / substeps, dt_s);
         continue;
       }
       ProxyTarget target = link.target;
@@ -243,6 +276,7 @@ void Stepper::step(double dt_s, int substeps) {
     for (std::size_t i = 0; i < links_.size(); ++i) {
       Link& link = links_[i];
       const ProxyReadout readout = world_->proxy(i);
+      if (link.owns_proxy) link.spring_n_s += h * (readout.coupling_force_n - link.tool_push_n);
       link.coupling_work_j -= readout.coupling_force_n.dot(readout.position_m - link.begin_m);
       link.coupling_force_n += readout.coupling_force_n / substeps;
       link.contact_force_n += readout.contact_force_n / substeps;
@@ -253,6 +287,7 @@ void Stepper::step(double dt_s, int substeps) {
     link.previous_target_m = end_of(link);
     if (!link.owns_proxy) continue;
     for (const PendingImpulse& pending : link.due) {
+      if (pending.body == rtbus::kYieldingBodies) continue;
       link.contact_force_n -= pending.impulse_n_s / dt_s;
       link.contacts += pending.impulse_n_s.isZero(0.0) ? 0U : 1U;
     }
@@ -261,6 +296,16 @@ void Stepper::step(double dt_s, int substeps) {
   step_s_ = dt_s;
   simulated_s_ += dt_s;
   ++steps_;
+}
+
+/// The tool among what yields goes with the proxy, and gets what the hand felt. What its spring gives besides is owed.
+void Stepper::drive_tool(std::size_t proxy, double done, double dt_s) {
+  const Link& link = links_[proxy];
+  ProxyTarget drive = link.target;
+  drive.position_m = link.previous_target_m + done * (link.target.position_m - link.previous_target_m);
+  drive.velocity_m_s = (link.target.position_m - link.previous_target_m) / dt_s;
+  drive.force_n = link.tool_push_n - link.spring_n_s / kPaysBack_s;
+  world_->drive_tool(proxy, drive);
 }
 
 rtbus::ProxyState Stepper::answer(std::size_t proxy) const {

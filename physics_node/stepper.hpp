@@ -27,7 +27,9 @@ namespace physics {
 ///
 /// A method that simulates the proxy itself (DeviceState::wants, kOwnsProxy) needs no spring here. The proxy is placed
 /// where the method has it, and pushes nothing. In each step a body receives the impulse that the hand felt from it
-/// since the step before (hand_impulse_…), each at its time: Newton's third law.
+/// since the step before (hand_impulse_…), each at its time: Newton's third law. What yields (World::drive_tool) gets
+/// it through the tool: that is pushed by these impulses, and a spring keeps it at the proxy. What the spring gives
+/// besides is taken back within kPaysBack_s.
 ///
 /// A device that asks for it (DeviceState::hand_stiffness_n_per_m …) also gets the force on the hand, eq. (3) and (4):
 /// K(P_p + n·h·V_p − P_h) − B·V_p with n = prediction_periods; in the improved form the damper is relative, B(V_p −
@@ -87,6 +89,7 @@ class Stepper {
   static constexpr double kHandSpeed_m_s = 0.2, kFall_m_s2 = 9.81;
   static constexpr double kRestRadius_m = 1e-3;
   static constexpr double kAgeKept = 0.99;
+  static constexpr double kPaysBack_s = 0.02;
   [[nodiscard]] double contact_radius_m(std::size_t proxy) const;
 
   [[nodiscard]] std::size_t proxies() const noexcept { return links_.size(); }
@@ -132,12 +135,20 @@ class Stepper {
     HandImpulses hand_impulses;       // as of its newest state
     ImpulseQueue queue;               // what bodies have not received yet
     std::vector<PendingImpulse> due;  // in this step
+    // Of what yields to the tool of such a device:
+    Eigen::Vector3d tool_push_n = Eigen::Vector3d::Zero();  // by the hand, in the running part of the step
+    Eigen::Vector3d spring_n_s = Eigen::Vector3d::Zero();   // more than that, so far
+    Eigen::Vector3d drift_m_s = Eigen::Vector3d::Zero();    // the proxy's mean velocity, over about kDrift_s
+    std::uint64_t drift_ns = 0;                             // until then
+    Eigen::Vector3d drift_at_m = Eigen::Vector3d::Zero();   // the proxy, then
   };
+  static void follow_drift(Link& link, const rtbus::DeviceState& device);
   static void queue_hand_impulses(Link& link, const rtbus::DeviceState& device);
   void gather_impulses(Link& link, double dt_s);
   /// Time of the hand until which bodies have received what it did.
   [[nodiscard]] static std::uint64_t received_until_ns(const Link& link) noexcept;
   void apply_pending(std::size_t proxy, double from, double to, double dt_s);
+  void drive_tool(std::size_t proxy, double done, double dt_s);
   [[nodiscard]] ProxyTarget explicit_spring(std::size_t proxy) const;
   [[nodiscard]] Eigen::Vector3d hand_force_n(const Link& link, const ProxyReadout& readout) const;
   void rebase(std::size_t proxy);
@@ -146,7 +157,8 @@ class Stepper {
   int substeps_;
   std::uint64_t shape_hash_;
   std::vector<Link> links_;
-  ContactSet contacts_;                 // kept for its memory
+  ContactSet contacts_;  // kept for its memory
+  ToolReaction reaction_;
   std::vector<PendingImpulse> pushes_;  // likewise
   double step_s_ = 0.0;
   double simulated_s_ = 0.0;

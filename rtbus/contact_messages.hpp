@@ -11,6 +11,7 @@ using Symmetric3 = std::array<double, 6>;
 
 inline constexpr std::size_t kContactSlots = 16;
 inline constexpr std::size_t kSupportSlots = 32;
+inline constexpr std::size_t kYieldSlots = 3;
 inline constexpr std::size_t kHandSlots = 16;  ///< A session has no more haptic nodes.
 
 /// `physics.contacts.HAPTIC`, with every ProxyState while a method asks for it (DeviceState::wants) or the session
@@ -27,14 +28,19 @@ struct ProxyContacts {
   double proxy_mass_kg = 0.0;
   double proxy_radius_m = 0.0;
   std::uint32_t mapping_epoch = 0;      ///< Of the DeviceState it answers.
-  std::uint32_t contacts = 0;           ///< Rows used of the contact_… arrays, nearest first; soft ones last.
+  std::uint32_t contacts = 0;           ///< Rows used of the contact_… arrays, nearest first.
   std::uint32_t bodies = 0;             ///< … of the body_… arrays.
   std::uint32_t supports = 0;           ///< … of the support_… arrays.
   std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that found no row, in this step.
   std::uint32_t supports_overflow = 0;
-  std::uint32_t hands = 0;  ///< Rows used of hand_time_ns: haptic nodes of the session.
-  std::uint32_t reserved = 0;
+  std::uint32_t hands = 0;       ///< Rows used of hand_time_ns: haptic nodes of the session.
+  std::uint32_t yields = 0;      ///< Rows used of the yield_… arrays; 0: nothing that yields is near.
   std::uint64_t shape_hash = 0;  ///< Of the shapes of the world's scene (Scene::shape_hash()); 0: it has none.
+
+  /// By how much the reaction of what yields falls where the proxy is not at yield_tool_m but elsewhere: along the
+  /// reaction, and across.
+  double yield_stiffness_n_per_m = 0.0, yield_stiffness_across_n_per_m = 0.0;
+  double yield_friction = 0.0;  ///< Coulomb coefficient of the pair.
 
   /// By haptic node, in the session's order: bodies have received the hand_impulse_… of that hand until then, in the
   /// time of its samples. 0: none.
@@ -47,11 +53,10 @@ struct ProxyContacts {
   std::array<Vec3, kContactSlots> contact_velocity_m_s{};               ///< Of the body's surface.
   std::array<double, kContactSlots> contact_friction{};                 ///< Of the pair.
   std::array<double, kContactSlots> contact_curvature_per_m{};          ///< Of a ball: 1/radius. 0: a plane.
-  std::array<double, kContactSlots> contact_compliance_m_per_n{};       ///< 0: rigid.
   std::array<Symmetric3, kContactSlots> contact_inverse_mass_per_kg{};  ///< Zero: no force moves it.
 
   std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order.
-  std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic, 3 soft.
+  std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic.
   std::array<Vec3, kContactSlots> body_centre_m{};
   std::array<Quat, kContactSlots> body_orientation_wxyz{};      ///< q_WB; zero: not known.
   std::array<Vec3, kContactSlots> body_origin_from_centre_m{};  ///< Of the body's frame, in which its shape is given.
@@ -76,6 +81,14 @@ struct ProxyContacts {
   std::array<double, kSupportSlots> support_inverse_mass_per_kg{};  ///< Of what holds; 0: no force moves it.
   std::array<std::uint32_t, kSupportSlots>
       support_points{};  ///< Loaded contact points: 1 a point; 3 or more, or two faces, a patch.
+
+  // What soft bodies, and bodies too light for impulses, do to the tool, at instants in order of time: in the world
+  // now, and further on if the tool goes on as it goes.
+  std::array<double, kYieldSlots> yield_after_s{};   ///< After device_time_ns.
+  std::array<Vec3, kYieldSlots> yield_tool_m{};      ///< Where the tool is then.
+  std::array<Vec3, kYieldSlots> yield_reaction_n{};  ///< On the tool.
+  std::array<Vec3, kYieldSlots> yield_normal{};      ///< Unit, from what is nearest to the tool.
+  std::array<double, kYieldSlots> yield_gap_m{};     ///< To that; 0: it touches.
 };
 
 template <>
@@ -99,8 +112,11 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, contacts_overflow, "1"),
                                       RTBUS_FIELD(T, supports_overflow, "1"),
                                       RTBUS_FIELD(T, hands, "1"),
-                                      RTBUS_FIELD(T, reserved, "1"),
+                                      RTBUS_FIELD(T, yields, "1"),
                                       RTBUS_FIELD(T, shape_hash, "1"),
+                                      RTBUS_FIELD(T, yield_stiffness_n_per_m, "N/m"),
+                                      RTBUS_FIELD(T, yield_stiffness_across_n_per_m, "N/m"),
+                                      RTBUS_FIELD(T, yield_friction, "1"),
                                       RTBUS_FIELD(T, hand_time_ns, "ns"),
                                       RTBUS_FIELD(T, contact_body, "1"),
                                       RTBUS_FIELD(T, contact_point_m, "m"),
@@ -109,7 +125,6 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, contact_velocity_m_s, "m/s"),
                                       RTBUS_FIELD(T, contact_friction, "1"),
                                       RTBUS_FIELD(T, contact_curvature_per_m, "1/m"),
-                                      RTBUS_FIELD(T, contact_compliance_m_per_n, "m/N"),
                                       RTBUS_FIELD(T, contact_inverse_mass_per_kg, "1/kg"),
                                       RTBUS_FIELD(T, body_index, "1"),
                                       RTBUS_FIELD(T, body_kind, "1"),
@@ -133,15 +148,21 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, support_friction, "1"),
                                       RTBUS_FIELD(T, support_velocity_m_s, "m/s"),
                                       RTBUS_FIELD(T, support_inverse_mass_per_kg, "1/kg"),
-                                      RTBUS_FIELD(T, support_points, "1")};
+                                      RTBUS_FIELD(T, support_points, "1"),
+                                      RTBUS_FIELD(T, yield_after_s, "s"),
+                                      RTBUS_FIELD(T, yield_tool_m, "m"),
+                                      RTBUS_FIELD(T, yield_reaction_n, "N"),
+                                      RTBUS_FIELD(T, yield_normal, "1"),
+                                      RTBUS_FIELD(T, yield_gap_m, "m")};
   static constexpr std::array kTables{
       RTBUS_TABLE(T, hands, hand_time_ns, hand_time_ns, kHandSlots),
       RTBUS_TABLE(T, contacts, contact_body, contact_inverse_mass_per_kg, kContactSlots),
       RTBUS_TABLE(T, bodies, body_index, body_proxy_force_n, kContactSlots),
-      RTBUS_TABLE(T, supports, support_body, support_points, kSupportSlots)};
+      RTBUS_TABLE(T, supports, support_body, support_points, kSupportSlots),
+      RTBUS_TABLE(T, yields, yield_after_s, yield_gap_m, kYieldSlots)};
 };
 
-static_assert(sizeof(ProxyContacts) == 11216 && TabularSample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 11376 && TabularSample<ProxyContacts>);
 
 /// `physics.contact_points.HAPTIC`, at most 30 times a second and only while an observer is attached: where the proxy
 /// touches, or nearly so, whatever the method. The radius is that of Stepper::contact_radius_m(). Rows beyond the count

@@ -40,6 +40,9 @@ void set_text(Text<N>& out, std::string_view text) noexcept {
 /// Bodies that a hand may push in one physics step, with a method that simulates the proxy itself.
 inline constexpr std::size_t kHandImpulseRows = 4;
 
+/// In DeviceState::hand_impulse_body: all that yields to the tool, soft bodies and very light ones together.
+inline constexpr std::uint32_t kYieldingBodies = 0xffffffff;
+
 /// `<haptic>.device_state`, every tick: where the hand is, and where that is in the world.
 struct DeviceState {
   Vec3 position_m{};                         ///< p_DT.
@@ -63,7 +66,7 @@ struct DeviceState {
   // With kOwnsProxy, in W: impulses of the hand on bodies, up to and including this sample. They are sums, so a sample
   // that is not read loses nothing. The difference of two samples of the same row and generation is the impulse between
   // them.
-  std::array<std::uint32_t, kHandImpulseRows> hand_impulse_body{};  ///< In the scene's order.
+  std::array<std::uint32_t, kHandImpulseRows> hand_impulse_body{};  ///< In the scene's order, or kYieldingBodies.
   std::array<std::uint32_t, kHandImpulseRows>
       hand_impulse_generation{};  ///< Changes when another body takes the row; its sums start at zero. 0: unused row.
   std::array<Vec3, kHandImpulseRows> hand_impulse_n_s{};            ///< On the body.

@@ -123,7 +123,8 @@ bool SampleTraits<ProxyState>::sane(const T& s, std::uint64_t stamp_ns) noexcept
 }
 
 bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexcept {
-  if (s.contacts > kContactSlots || s.bodies > kContactSlots || s.supports > kSupportSlots || s.hands > kHandSlots) {
+  if (s.contacts > kContactSlots || s.bodies > kContactSlots || s.supports > kSupportSlots || s.hands > kHandSlots ||
+      s.yields > kYieldSlots) {
     return false;
   }
   for (std::size_t i = 0; i < s.hands; ++i) {
@@ -137,9 +138,8 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
       all_below(s.contact_body, s.bodies, s.contacts) && within(s.contact_point_m, kPosition_m, s.contacts) &&
       within(s.contact_normal, kUnit, s.contacts) && within(s.contact_gap_m, kPosition_m, s.contacts) &&
       within(s.contact_velocity_m_s, kVelocity_m_s, s.contacts) && within(s.contact_friction, kScale, s.contacts) &&
-      within(s.contact_curvature_per_m, kAny, s.contacts) && within(s.contact_compliance_m_per_n, kAny, s.contacts) &&
-      within(s.contact_inverse_mass_per_kg, kAny, s.contacts);
-  constexpr std::uint32_t kKinds = 4;  // of body_kind
+      within(s.contact_curvature_per_m, kAny, s.contacts) && within(s.contact_inverse_mass_per_kg, kAny, s.contacts);
+  constexpr std::uint32_t kKinds = 3;  // of body_kind
   const bool bodies =
       all_below(s.body_kind, kKinds, s.bodies) && all_below(s.body_index, kMostBodies, s.bodies) &&
       within(s.body_centre_m, kPosition_m, s.bodies) && within(s.body_orientation_wxyz, kUnit, s.bodies) &&
@@ -155,7 +155,14 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
       within(s.support_normal, kUnit, s.supports) && within(s.support_force_n, kForce_n, s.supports) &&
       within(s.support_friction, kScale, s.supports) && within(s.support_velocity_m_s, kVelocity_m_s, s.supports) &&
       within(s.support_inverse_mass_per_kg, kAny, s.supports);
-  return head && contacts && bodies && supports;
+  const bool yields = std::is_sorted(s.yield_after_s.begin(), s.yield_after_s.begin() + s.yields) &&
+                      s.yield_stiffness_n_per_m >= 0.0 && within(s.yield_stiffness_n_per_m, kForce_n) &&
+                      s.yield_stiffness_across_n_per_m >= 0.0 && within(s.yield_stiffness_across_n_per_m, kForce_n) &&
+                      s.yield_friction >= 0.0 && within(s.yield_friction, kScale) &&
+                      within(s.yield_after_s, kStep_s, s.yields) && within(s.yield_tool_m, kPosition_m, s.yields) &&
+                      within(s.yield_reaction_n, kForce_n, s.yields) && within(s.yield_normal, kUnit, s.yields) &&
+                      within(s.yield_gap_m, kPosition_m, s.yields);
+  return head && contacts && bodies && supports && yields;
 }
 
 bool SampleTraits<ContactPoints>::sane(const T& s, std::uint64_t) noexcept {

@@ -13,7 +13,6 @@
 #include "haptic_node/rendering/body_free.hpp"
 #include "haptic_node/rendering/body_motion.hpp"
 #include "haptic_node/rendering/body_pile.hpp"
-#include "haptic_node/rendering/body_yielding.hpp"
 
 namespace haptic {
 
@@ -30,7 +29,7 @@ struct LocalBody {
   PileBody::Known known;                                 ///< By the last answer.
   std::size_t place = 0;                                 ///< Among the hand impulses.
   Impulse heard;                                         ///< By other hands, in the running step.
-  std::variant<FixedBody, DrivenBody, FreeBody, PileBody, YieldingBody> kind;
+  std::variant<FixedBody, DrivenBody, FreeBody, PileBody> kind;
 
   template <class Kind>
   [[nodiscard]] Kind* as() noexcept {

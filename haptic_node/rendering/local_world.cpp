@@ -22,13 +22,6 @@ constexpr double kHistoryAges = 1.25;
 /// Parts from the instant of an answer to now, at most.
 constexpr int kNetworkParts = 64;
 
-/// Rows of bodies that are not soft: they come first.
-std::size_t rigid_rows_of(const rtbus::ProxyContacts& answer) noexcept {
-  std::size_t rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
-  while (rows > 0 && answer.body_kind[rows - 1] == YieldingBody::kKind) --rows;
-  return rows;
-}
-
 /// The change of the force by an answer is eased in for a period at most, or as long as bodies need to come to rest.
 constexpr double kEasesFloors = 3.0, kLongestEase_s = 0.1;
 
@@ -57,8 +50,8 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   supports_.count = 0;
   impulses_.release_all();
   hand_m_s_.setZero();
-  springs_.reset();
-  any_yields_ = false;
+  yielding_.forget();
+  yielding_place_ = HandImpulses::kPlaces;
   shapes_.forget_names();
   good_until_ns_ = 0;
   clock_.forget();
@@ -88,38 +81,39 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   world_before_s_ = networked_ ? after_s : 0.0;
   impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
   other_hands_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
-  springs_.keep_apart(static_cast<std::uint64_t>(history_ns / SpringHistory::kInstants));
   proxy_.radius_m = answer.proxy_radius_m;
   ease_s_ = std::max(kEasesFloors * tuning_.blend_floor_s, std::min(answer.step_s, kLongestEase_s));
   correction_m_.reset();
   contacts_.remember(bodies_, proxy_);
 
   for (LocalBody& body : bodies_) body.named = false;
-  const std::size_t rigid = rigid_rows_of(answer);
+  const std::size_t rigid = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
   std::array<std::size_t, rtbus::kContactSlots> slot_of_row{};
   std::array<Quaterniond, rtbus::kContactSlots> turned;
   // The local world is at its last sample: the step to the one of `now_ns` comes after this.
-  take_rigid(answer, rigid, std::min(now_ns, now_ns_), slot_of_row, turned);
-  take_yielding(answer, rigid);
+  take_rigid(answer, std::min(now_ns, now_ns_), slot_of_row, turned);
   for (LocalBody& body : bodies_) {
     if (auto* const free = body.as<FreeBody>(); free != nullptr && !body.named) free->leave_supports();
   }
   const auto rigid_m = contacts_.take({answer, now_ns, rigid, slot_of_row, turned}, bodies_, proxy_, shapes_);
   if (rigid_m) correction_m_ = std::max(correction_m_.value_or(0.0), *rigid_m);
-  any_yields_ = false;
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
     const LocalBody& body = bodies_[slot];
-    if (!body.used) continue;
-    const auto* const yields = body.as<YieldingBody>();
-    const bool felt = yields != nullptr ? yields->touched() : contacts_.any_of(slot);
-    if (!body.named && !felt) free_slot(slot);
-    any_yields_ = any_yields_ || (body.used && yields != nullptr);
+    if (body.used && !body.named && !contacts_.any_of(slot)) free_slot(slot);
+  }
+  if (answer.yields == 0 && !yielding_.near()) return;
+  const auto yields_m = yielding_.take(answer, proxy_.position_m, now_ns, Blend::of(tuning_, answer.step_s));
+  if (yields_m) correction_m_ = std::max(correction_m_.value_or(0.0), *yields_m);
+  if (yielding_.near() && yielding_place_ == HandImpulses::kPlaces) {
+    yielding_place_ = impulses_.hold(rtbus::kYieldingBodies);
+  } else if (!yielding_.near()) {
+    impulses_.release(yielding_place_);
+    yielding_place_ = HandImpulses::kPlaces;
   }
 }
 
 void LocalWorld::free_slot(std::size_t slot) noexcept {
   contacts_.drop(slot);
-  if (const auto* const yields = bodies_[slot].as<YieldingBody>()) springs_.close(yields->place());
   impulses_.release(bodies_[slot].place);
   bodies_[slot].used = false;
 }
@@ -134,10 +128,6 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   // All are taken: one that this answer does not name must go, and is not felt: the contacts of that are to recede.
   std::array<bool, kBodies> felt{};
   for (const auto& contact : contacts_.all()) felt[contact.body] = felt[contact.body] || contact.felt();
-  for (std::size_t slot = 0; slot < kBodies; ++slot) {
-    const auto* const yields = bodies_[slot].as<YieldingBody>();
-    felt[slot] = felt[slot] || (yields != nullptr && yields->touched());
-  }
   for (const bool unfelt : {true, false}) {
     for (std::size_t slot = 0; slot < kBodies; ++slot) {
       if (bodies_[slot].named || (unfelt && felt[slot])) continue;
@@ -148,8 +138,9 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   return 0;
 }
 
-void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigid_rows, std::uint64_t now_ns,
+void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t now_ns,
                             std::span<std::size_t> slot_of_row, std::span<Quaterniond> turned) noexcept {
+  const std::size_t rigid_rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
   const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
   std::array<std::size_t, rtbus::kContactSlots> count{};
   std::array<double, rtbus::kContactSlots> loosest{};
@@ -243,32 +234,6 @@ void LocalWorld::follow_shape(const ToldBody& told, LocalBody& body) const noexc
   body.origin_B_m = told.origin_B_m();
 }
 
-void LocalWorld::take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept {
-  const std::size_t bodies = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
-  if (rigid_rows == bodies && !any_yields_) return;
-  for (LocalBody& body : bodies_) {
-    if (auto* const yields = body.as<YieldingBody>()) yields->fade();
-  }
-  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
-    const std::size_t row = answer.contact_body[i];
-    if (row < rigid_rows || row >= bodies) continue;
-    LocalBody& body = bodies_[slot_of(answer.body_index[row])];
-    const bool known = body.used;
-    if (!known) {
-      const std::size_t place = springs_.open();
-      if (place == SpringHistory::kPlaces) continue;  // as many as there is room for: the nearest come first
-      body = LocalBody{};
-      body.index = answer.body_index[row];
-      body.kind.emplace<YieldingBody>(place);
-      body.place = impulses_.hold(body.index);
-    }
-    body.used = body.named = true;
-    body.blend = Blend::of(tuning_, answer.step_s);
-    const auto moved_m = body.as<YieldingBody>()->take(answer, i, springs_, proxy_.position_m, known, tuning_);
-    if (moved_m) correction_m_ = std::max(correction_m_.value_or(0.0), *moved_m);
-  }
-}
-
 /// What a tick begins with, be it by foresee() or by advance().
 void LocalWorld::begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   if (begun_ns_ == sample_ns) return;
@@ -294,6 +259,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   contacts_.blend(bodies_, h);
   pull_proxy(spring, h);
   if (solve(h) > 0) give_impulses();
+  yielding_.keep(rows_.data(), h);
   ease(spring, h);
   const SolverBody& proxy = solver_bodies_[0];
   const Vector3d& solved_m_s = proxy.velocity_m_s;
@@ -336,28 +302,15 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
   begin_tick(spring, sample_ns, h);
   if (lag_of(spring, h) <= 0.0) return;
   const ProxyContactSet contacts = contacts_;
-  std::array<YieldingBody, SpringHistory::kPlaces> yielding;
-  std::size_t count = 0;
-  const auto each_yielding = [this](auto&& act) {
-    if (!any_yields_) return;
-    for (LocalBody& body : bodies_) {
-      if (auto* const yields = body.as<YieldingBody>(); yields != nullptr && body.used) act(*yields);
-    }
-  };
-  each_yielding([&](const YieldingBody& body) { yielding[count++] = body; });
   contacts_.blend(bodies_, h);
   pull_proxy(spring, h);
   Vector3d sum_n_s = Vector3d::Zero();
   if (solve(h) > 0) {
     for (std::size_t i = 0; i < solved_contacts_; ++i) sum_n_s += rows_[i].impulse_n_s;
-    each_yielding([&](const YieldingBody& body) {
-      if (body.row() != YieldingBody::kNoRow) sum_n_s += rows_[body.row()].impulse_n_s;
-    });
+    sum_n_s += yielding_.impulse_n_s(rows_.data());
   }
   if (sum_n_s.allFinite()) foreseen_n_s_ = sum_n_s;
   contacts_ = contacts;
-  count = 0;
-  each_yielding([&](YieldingBody& body) { body = yielding[count++]; });
 }
 
 /// The force goes from what it would have been without the answer to what it is with it, no faster than a surface that
@@ -393,8 +346,8 @@ void LocalWorld::brake(double h) noexcept {
   }
 }
 
-/// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part, then soft
-/// bodies.
+/// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part, then what
+/// yields.
 std::size_t LocalWorld::gather(double h) noexcept {
   std::array<bool, kBodies> touched{};
   const Vector3d& free_m_s = solver_bodies_[0].velocity_m_s;
@@ -421,15 +374,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     auto* const free = body.as<FreeBody>();
     if (free != nullptr && body.used) rows += free->add_rows(body.motion, supports_, h, rows_.data(), rows);
   }
-  if (!any_yields_) return rows;
-  for (LocalBody& body : bodies_) {
-    auto* const yields = body.as<YieldingBody>();
-    if (yields == nullptr || !body.used) continue;
-    rows += yields->add_rows(proxy_.position_m, free_m_s, h, body.blend, tuning_, next,
-                             solver_bodies_[static_cast<std::size_t>(next)], rows_.data(), rows);
-    ++next;
-  }
-  return rows;
+  return rows + yielding_.add_row(proxy_.position_m, begun_ns_, h, solver_bodies_[0], rows_.data(), rows);
 }
 
 /// What the proxy gave to whom.
@@ -438,7 +383,7 @@ void LocalWorld::give_impulses() noexcept {
     auto& contact = contacts_.of_row(i);
     contact.impulse_n_s = rows_[i].impulse_n_s;
     if (!contact.felt()) continue;
-    give(contact.body, contact.impulse_n_s, contact.from_centre_m);
+    give(bodies_[contact.body].place, contact.body, contact.impulse_n_s, contact.from_centre_m);
     const LocalBody& body = bodies_[contact.body];
     if (body.as<DrivenBody>() == nullptr) continue;
     work_j_ += contact.impulse_n_s.dot(ProxyContactSet::carried_m_s(contact, body.motion));
@@ -448,24 +393,21 @@ void LocalWorld::give_impulses() noexcept {
     work_j_ += std::min(0.0, lifted_j_);
     lifted_j_ = std::max(0.0, lifted_j_);
   }
-  if (!any_yields_) return;
-  for (std::size_t slot = 0; slot < kBodies; ++slot) {
-    const auto* const yields = bodies_[slot].as<YieldingBody>();
-    if (yields == nullptr || !bodies_[slot].used || yields->row() == YieldingBody::kNoRow) continue;
-    const Vector3d& impulse = rows_[yields->row()].impulse_n_s;
-    if (!impulse.isZero(0.0)) give(slot, impulse, Vector3d::Zero());
-  }
+  const Vector3d yields_n_s = yielding_.impulse_n_s(rows_.data());
+  if (!yields_n_s.isZero(0.0)) give(yielding_place_, kBodies, yields_n_s, Vector3d::Zero());
 }
 
 /// @param impulse_n_s On the proxy.
-void LocalWorld::give(std::size_t slot, const Vector3d& impulse_n_s, const Vector3d& from_centre_m) noexcept {
+void LocalWorld::give(std::size_t place, std::size_t slot, const Vector3d& impulse_n_s,
+                      const Vector3d& from_centre_m) noexcept {
   impulse_n_s_ += impulse_n_s;
-  impulses_.give(bodies_[slot].place, slot, -impulse_n_s, from_centre_m);
+  impulses_.give(place, slot, -impulse_n_s, from_centre_m);
 }
 
 void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
   impulses_.settle(impulse_n_s);
   for (const auto& entry : impulses_.entries()) {
+    if (entry.slot == kBodies) continue;  // what yields feels it in physics
     LocalBody& body = bodies_[entry.slot];
     if (const auto* const free = body.as<FreeBody>()) free->correct(entry.more, body.motion);
   }
@@ -481,7 +423,6 @@ void LocalWorld::move_bodies(double h) noexcept {
       free->advance(step, supports_, body.motion);
       work_j_ += body.heard.work_j(body.motion.velocity_m_s, body.motion.angular_velocity_rad_s);
     }
-    if (auto* const yields = body.as<YieldingBody>()) yields->advance(step, springs_);
     if (auto* const pile = body.as<PileBody>()) {
       step.pushed_n_s.setZero();
       for (const auto& entry : impulses_.entries()) {
@@ -492,7 +433,6 @@ void LocalWorld::move_bodies(double h) noexcept {
     if (body.motion.angular_velocity_rad_s.isZero(0.0)) continue;
     contacts_.turn(slot, turn_of(body.motion.angular_velocity_rad_s, h));
   }
-  if (any_yields_) springs_.record(now_ns_);
 }
 
 }  // namespace haptic

@@ -21,6 +21,7 @@
 #include "haptic_node/rendering/proxy_contact_set.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "haptic_node/rendering/world_clock.hpp"
+#include "haptic_node/rendering/yielding_bodies.hpp"
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/realtime.hpp"
 
@@ -88,18 +89,16 @@ class LocalWorld {
   void felt(const Eigen::Vector3d& impulse_n_s) noexcept RTBUS_NONBLOCKING;
 
  private:
-  static_assert(HandImpulses::kHeld >= kBodies &&
-                HandImpulses::kMostEntries >= ProxyContactSet::kSolved + SpringHistory::kPlaces);
+  static_assert(HandImpulses::kHeld >= kBodies && HandImpulses::kMostEntries >= ProxyContactSet::kSolved + 1);
   static constexpr std::size_t kMostRows = HandImpulses::kMostEntries + SupportPool::kSupports;
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
-  void take_rigid(const rtbus::ProxyContacts& answer, std::size_t rigid_rows, std::uint64_t now_ns,
-                  std::span<std::size_t> slot_of_row, std::span<Eigen::Quaterniond> turned) noexcept;
+  void take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t now_ns, std::span<std::size_t> slot_of_row,
+                  std::span<Eigen::Quaterniond> turned) noexcept;
   void free_slot(std::size_t slot) noexcept;
   [[nodiscard]] Eigen::Quaterniond take_body(const ToldBody& told, std::size_t slot, int parts,
                                              std::uint64_t now_ns) noexcept;
   void follow_shape(const ToldBody& told, LocalBody& body) const noexcept;
-  void take_yielding(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) noexcept;
   void pull_proxy(const LocalSpring& spring, double h) noexcept;
   void begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept;
   void brake(double h) noexcept;
@@ -107,7 +106,8 @@ class LocalWorld {
   void ease(const LocalSpring& spring, double h) noexcept;
   std::size_t gather(double h) noexcept;
   void give_impulses() noexcept;
-  void give(std::size_t slot, const Eigen::Vector3d& impulse_n_s, const Eigen::Vector3d& from_centre_m) noexcept;
+  void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
+            const Eigen::Vector3d& from_centre_m) noexcept;
   void move_bodies(double h) noexcept;
 
   Tuning tuning_;
@@ -134,8 +134,8 @@ class LocalWorld {
   std::array<LocalBody, kBodies> bodies_{};
   ProxyContactSet contacts_;
   SupportPool supports_, old_supports_;
-  SpringHistory springs_;
-  bool any_yields_ = false;
+  YieldingBodies yielding_;
+  std::size_t yielding_place_ = HandImpulses::kPlaces;  ///< Among the hand impulses, while something yields.
 
   // One step's problem: the proxy first, then bodies.
   std::array<SolverBody, kBodies + 1> solver_bodies_{};

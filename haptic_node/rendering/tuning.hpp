@@ -19,7 +19,6 @@ struct Tuning {
   double support_softness = 0.02;
   double pile_own_speed_m_s = 5e-3;
   double pile_mobility_s = 0.2e-3;
-  double softer = 2.0;
   double sweeps = 12.0;
   double row_budget = 100.0;
   double parts = 8.0;
@@ -51,7 +50,7 @@ struct TunedValue {
   std::string_view source;  ///< A decision, a formula, or what measured it.
 };
 
-inline constexpr std::array<TunedValue, 20> kTunedValues{{
+inline constexpr std::array<TunedValue, 19> kTunedValues{{
     {"blend_periods", &Tuning::blend_periods, 0.15, 0.6, "periods of physics",
      "what an answer changes is brought in before the next one comes, and not at once", "decision 0008, Nothing jumps"},
     {"blend_floor_s", &Tuning::blend_floor_s, 5e-3, 15e-3, "s",
@@ -79,8 +78,6 @@ inline constexpr std::array<TunedValue, 20> kTunedValues{{
     {"pile_mobility_s", &Tuning::pile_mobility_s, 0.1e-3, 0.3e-3, "s (over a mass: m/s per N)",
      "a pile goes faster by that for more push; with 0.4 and 0.8 ms it is 2 to 4 times as rough",
      "decision 0008, Piles"},
-    {"softer", &Tuning::softer, 1.5, 3.0, "1 (times the compliance that is told)",
-     "a soft body tips and slides later and farther than its surface gives way", "decision 0008, Soft bodies"},
     {"sweeps", &Tuning::sweeps, 8.0, 20.0, "1", "sweeps of a step at most; a third of that at least",
      "decision 0008, Cost"},
     {"row_budget", &Tuning::row_budget, 60.0, 200.0, "rows times sweeps, or times parts", "bounds the time of a tick",

@@ -52,23 +52,25 @@ PointForce force_at(const btManifoldPoint& point, double h, double scale) {
 
 }  // namespace
 
-void BulletWorld::find_contacts(const BulletProxy& proxy, double radius_m, FoundContacts& out) const {
-  const Vector3d centre = from_bullet(proxy.body().getWorldTransform().getOrigin());
+void BulletWorld::find_contacts(const btRigidBody& proxy, double radius, double radius_m, bool light,
+                                FoundContacts& out) const {
+  const Vector3d centre = from_bullet(proxy.getWorldTransform().getOrigin());
   const double max_gap = radius_m * scale_;
   std::vector<NearPoint> near;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    if (bodies_[i].light != light) continue;
     const btRigidBody& rigid = *bodies_[i].rigid;
-    const double far = bodies_[i].reach + proxy.radius() + max_gap;
+    const double far = bodies_[i].reach + radius + max_gap;
     if ((from_bullet(rigid.getWorldTransform().getOrigin()) - centre).squaredNorm() > far * far) continue;
     near.clear();
-    nearest_points(*bodies_[i].made->shape, rigid.getWorldTransform(), centre, proxy.radius(), max_gap, near);
+    nearest_points(*bodies_[i].made->shape, rigid.getWorldTransform(), centre, radius, max_gap, near);
     for (const NearPoint& each : near) {
       Contact contact;
       contact.point_m = each.point / scale_;
       contact.normal = each.normal;
       contact.gap_m = each.gap / scale_;
       contact.surface_velocity_m_s = velocity_at(rigid, contact.point_m, scale_);
-      contact.friction = pair_friction(rigid, proxy.body());
+      contact.friction = pair_friction(rigid, proxy);
       if (bodies_[i].made->shape->getShapeType() == SPHERE_SHAPE_PROXYTYPE) {
         contact.curvature_per_m =
             scale_ / static_cast<double>(static_cast<const btSphereShape&>(*bodies_[i].made->shape).getRadius());
@@ -187,10 +189,61 @@ void BulletWorld::contacts(std::size_t index, double radius_m, ContactSet& out) 
   out.proxy_radius_m = proxy.radius() / scale_;
   out.proxy_mass_kg = proxy.mass_kg();
   FoundContacts found;
-  if (!proxy.released()) find_contacts(proxy, radius_m, found);
+  if (!proxy.released()) {
+    find_contacts(proxy.body(), proxy.radius(), radius_m, false, found);
+    if (any_light_ && !tools_[index]) find_contacts(proxy.body(), proxy.radius(), radius_m, true, found);
+  }
   keep_nearest(found, out);
   describe_bodies(proxy, out);
   add_more_contacts(index, radius_m, out);
+}
+
+/// Light bodies follow the tool as they can: where it is pressed into them they do so further on. How stiff they are is
+/// seen between one answer and the next. That only bridges what the hand does meanwhile: the tool of this world is on
+/// the same spring as the hand's proxy, so that each answer is right for a hand that rests, whatever stiffness is told.
+void BulletWorld::tool_reaction(std::size_t index, double radius_m, double ahead_s, const Vector3d& /*velocity_m_s*/,
+                                ToolReaction& out) {
+  constexpr double kSofter = 0.5, kStiffer = 8.0, kLeastWay_m = 10e-6, kShare = 0.3;
+  out = ToolReaction{};
+  if (index >= tools_.size() || !tools_[index] || !any_light_) return;
+  const BulletProxy& tool = *tools_[index];
+  Borne& borne = borne_[index];
+  FoundContacts found;
+  find_contacts(tool.body(), tool.radius(), radius_m, true, found);
+  if (found.empty() && borne.mean_n.isZero(0.0)) return;
+  ToolReaction::Instant now;
+  now.tool_m = borne.mean_m;
+  now.reaction_n = borne.mean_n;
+  if (!found.empty()) {
+    const auto nearest = std::min_element(found.begin(), found.end(),
+                                          [](const Contact& a, const Contact& b) { return a.gap_m < b.gap_m; });
+    now.normal = nearest->normal;
+    now.gap_m = now.reaction_n.isZero(0.0) ? std::max(0.0, nearest->gap_m) : 0.0;
+    out.friction = nearest->friction;
+  }
+  out.instants[out.count++] = now;
+  const double spring_n_per_m = tool.target().stiffness_n_per_m;
+  if (borne.stiffness_n_per_m <= 0.0) borne.stiffness_n_per_m = spring_n_per_m;
+  if (!now.reaction_n.isZero(0.0)) {
+    const Vector3d along = now.reaction_n.normalized();
+    const double way_m = along.dot(now.tool_m - borne.told_m);
+    if (!borne.told_n.isZero(0.0) && std::abs(way_m) > kLeastWay_m) {
+      const double seen = -along.dot(now.reaction_n - borne.told_n) / way_m;
+      borne.stiffness_n_per_m +=
+          kShare * (std::clamp(seen, kSofter * spring_n_per_m, kStiffer * spring_n_per_m) - borne.stiffness_n_per_m);
+    }
+    // As it went since it was told last: what is pushed out of the way goes on.
+    const double told_s = borne.time_s - borne.told_s;
+    const double into_m_s = borne.told_n.isZero(0.0) || told_s <= 0.0 ? 0.0 : std::min(0.0, way_m / told_s);
+    ToolReaction::Instant then = now;
+    then.after_s = ahead_s;
+    then.tool_m += ahead_s * into_m_s * along;
+    if (into_m_s < 0.0 && ahead_s > 0.0) out.instants[out.count++] = then;
+  }
+  borne.told_n = now.reaction_n;
+  borne.told_m = now.tool_m;
+  borne.told_s = borne.time_s;
+  out.stiffness_n_per_m = borne.stiffness_n_per_m;
 }
 
 }  // namespace physics::bullet

@@ -49,6 +49,12 @@ void BulletProxy::put(const Vector3d& position_m, const Vector3d& velocity_m_s) 
   place(clamped(position_m), clamp_each(velocity_m_s, kMaxVelocityMS));
 }
 
+void BulletProxy::bear(const ProxyReadout& tool) noexcept {
+  state_.coupling_force_n = tool.coupling_force_n;
+  state_.contact_force_n = tool.contact_force_n;
+  state_.contacts = tool.contacts;
+}
+
 void BulletProxy::set_target(const ProxyTarget& target) {
   if (!target.position_m.allFinite() || !target.velocity_m_s.allFinite() || !std::isfinite(target.stiffness_n_per_m) ||
       !std::isfinite(target.damping_n_s_per_m) || !target.force_n.allFinite()) {

@@ -42,6 +42,8 @@ class BulletProxy {
   void reset(Eigen::Vector3d position_m);
   /// Somebody else moves it: there, without pulling. reset() takes that back.
   void put(const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s);
+  /// Of such a one: the forces on its tool in the last step.
+  void bear(const ProxyReadout& tool) noexcept;
   void set_target(const ProxyTarget& target);
 
   /// Mass and velocity for a step of `h` seconds.
@@ -64,6 +66,7 @@ class BulletProxy {
   /// Out of the world as well; placed by a method that simulates it.
   [[nodiscard]] bool placed() const noexcept { return placed_; }
   void set_placed(bool placed) noexcept { placed_ = placed; }
+  [[nodiscard]] const ProxyTarget& target() const noexcept { return target_; }
   [[nodiscard]] const ProxyReadout& state() const noexcept { return state_; }
 
  private:

@@ -16,8 +16,13 @@ namespace config = rtbus::config;
 
 constexpr unsigned long kShuffleSeed = 1;
 
+/// It has the mass of its spring alone.
+constexpr double kToolMass_kg = 1e-6;
+constexpr double kNothing_n = 1e-4;
+
 // Who collides with whom: proxies with bodies, not with each other.
-constexpr int kStaticGroup = 1, kMovingGroup = 2, kProxyGroup = 4;
+// (8 is that of soft bodies.) Tools meet light bodies alone.
+constexpr int kStaticGroup = 1, kMovingGroup = 2, kProxyGroup = 4, kToolGroup = 16, kLightGroup = 32;
 
 double sleeping_speed_m_s(double gravity_m_s2, double extent_m) { return 0.06 * std::sqrt(gravity_m_s2 * extent_m); }
 double sleeping_rate_rad_s(double gravity_m_s2, double extent_m) { return 0.045 * std::sqrt(gravity_m_s2 / extent_m); }
@@ -86,6 +91,7 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
 }
 
 BulletWorld::~BulletWorld() {
+  for (std::size_t i = 0; i < tools_.size(); ++i) drop_tool(i);
   for (const auto& proxy : proxies_) {
     if (!proxy->released()) world_->removeRigidBody(&proxy->body());
   }
@@ -145,12 +151,16 @@ std::size_t BulletWorld::add_proxy(const ProxyParameters& parameters) {
   auto proxy = std::make_unique<BulletProxy>(parameters, radius_m, scale_);
   world_->addRigidBody(&proxy->body(), kProxyGroup, kStaticGroup | kMovingGroup);
   proxies_.push_back(std::move(proxy));
+  tools_.emplace_back();
+  tick_s_.push_back(parameters.tick_s);
+  borne_.emplace_back();
   return proxies_.size() - 1;
 }
 
 void BulletWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
   BulletProxy& proxy = *proxies_.at(index);
   if (!position_m.allFinite()) return;
+  drop_tool(index);
   proxy.reset(position_m);
   if (proxy.released() || proxy.placed()) {
     proxy.set_released(false);
@@ -166,6 +176,7 @@ void BulletWorld::reset_proxy(std::size_t index, const Vector3d& position_m) {
 void BulletWorld::release_proxy(std::size_t index) {
   BulletProxy& proxy = *proxies_.at(index);
   if (proxy.released()) return;
+  drop_tool(index);
   if (!proxy.placed()) take_out(proxy);
   proxy.set_placed(false);
   proxy.reset(proxy.state().position_m);
@@ -188,6 +199,41 @@ void BulletWorld::place_proxy(std::size_t index, const Vector3d& position_m, con
   if (!proxy.placed()) take_out(proxy);
   proxy.set_placed(true);
   proxy.put(position_m, velocity_m_s);
+}
+
+void BulletWorld::drive_tool(std::size_t index, const ProxyTarget& target) {
+  BulletProxy& proxy = *proxies_.at(index);
+  if (!proxy.placed() || proxy.released()) return;
+  auto& tool = tools_[index];
+  if (!tool) {
+    find_light_bodies(kLightest * target.stiffness_n_per_m * tick_s_[index] * tick_s_[index]);
+    if (!any_light_ && !anything_yields()) return;
+    ProxyParameters parameters;
+    parameters.mass_kg = kToolMass_kg;
+    parameters.friction = static_cast<double>(proxy.body().getFriction());
+    parameters.position_m = proxy.state().position_m;
+    tool = std::make_unique<BulletProxy>(parameters, proxy.radius() / scale_, scale_);
+    world_->addRigidBody(&tool->body(), kToolGroup, kLightGroup);
+    borne_[index] = Borne{};
+  }
+  tool->set_target(target);
+}
+
+void BulletWorld::find_light_bodies(double below_kg) {
+  for (SceneBody& body : bodies_) {
+    const auto inverse = static_cast<double>(body.rigid->getInvMass());
+    if (body.light || inverse * below_kg <= 1.0) continue;
+    body.light = any_light_ = true;
+    btBroadphaseProxy& handle = *body.rigid->getBroadphaseHandle();
+    handle.m_collisionFilterGroup |= kLightGroup;
+    handle.m_collisionFilterMask |= kToolGroup;
+  }
+}
+
+void BulletWorld::drop_tool(std::size_t index) {
+  if (!tools_[index]) return;
+  take_out(*tools_[index]);
+  tools_[index].reset();
 }
 
 void BulletWorld::apply_hand_force(std::size_t proxy, std::size_t body, const Vector3d& force_n,
@@ -272,6 +318,9 @@ void BulletWorld::step(double step_s) {
   for (const auto& proxy : proxies_) {
     if (!proxy->placed()) proxy->before_step(h);
   }
+  for (const auto& tool : tools_) {
+    if (tool) tool->before_step(h);
+  }
   for (const Push& push : pushes_) {
     btRigidBody& rigid = *bodies_[push.body].rigid;
     rigid.activate();
@@ -298,6 +347,28 @@ void BulletWorld::step(double step_s) {
   for (const auto& proxy : proxies_) {
     if (proxy->released() || proxy->placed()) continue;
     proxy->after_step(h, [this, &proxy] { return contacts_of(proxy->body()); });
+  }
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    if (!tools_[i]) continue;
+    tools_[i]->after_step(h, [] { return 1U; });
+    proxies_[i]->bear(tools_[i]->state());
+  }
+  bear_tools(h);
+}
+
+void BulletWorld::bear_tools(double h) {
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    if (!tools_[i]) continue;
+    Borne& borne = borne_[i];
+    const ProxyReadout& now = tools_[i]->state();
+    const double share = borne.steps > 0.0 ? -std::expm1(-h / kMean_s) : 1.0;
+    borne.once_n += share * (now.contact_force_n - borne.once_n);
+    borne.once_m += share * (now.position_m - borne.once_m);
+    borne.mean_n += share * (borne.once_n - borne.mean_n);
+    borne.mean_m += share * (borne.once_m - borne.mean_m);
+    if (now.contact_force_n.isZero(0.0) && borne.mean_n.norm() < kNothing_n) borne.mean_n.setZero();
+    borne.steps += 1.0;
+    borne.time_s += h;
   }
 }
 

@@ -29,6 +29,9 @@ namespace physics::bullet {
 /// velocity of the step: contacts are seen where they are, and carry along at that speed. One that stands still for a
 /// step lets its neighbours sleep, one that moves wakes them.
 ///
+/// Tools. A placed proxy is out of the world. Where something yields to it (light bodies, soft/), a tool of its size
+/// takes its place there: on a spring, without mass, and it meets nothing else.
+///
 /// A proxy of radius 0 gets kSmallestRadius of the smallest moving body's shortest extent: Bullet collides spheres, not
 /// points. What else Bullet leaves to its users: friction and restitution of a pair are products; hulls turn with the
 /// inertia of their bounding box; impacts slower than 2·g·h do not bounce.
@@ -47,6 +50,9 @@ class BulletWorld : public World {
   void reset_proxy(std::size_t proxy, const Eigen::Vector3d& position_m) override;
   void release_proxy(std::size_t proxy) override;
   void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s) override;
+  void drive_tool(std::size_t proxy, const ProxyTarget& target) override;
+  void tool_reaction(std::size_t proxy, double radius_m, double ahead_s, const Eigen::Vector3d& velocity_m_s,
+                     ToolReaction& out) override;
   void apply_hand_force(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
                         const Eigen::Vector3d& torque_n_m) override;
   void set_body_target(std::size_t body, const BodyTarget& target) override;
@@ -72,6 +78,23 @@ class BulletWorld : public World {
   virtual void before_dynamics(double h);
   virtual void after_dynamics(double h);
 
+  /// Whether there is anything besides light bodies that a placed tool takes room among.
+  [[nodiscard]] virtual bool anything_yields() const { return false; }
+
+  /// What a tool bears. The reaction, and the place that it belongs to, are means over about kMean_s: contacts that
+  /// come and go are not felt one by one.
+  struct Borne {
+    Eigen::Vector3d mean_n = Eigen::Vector3d::Zero(), mean_m = Eigen::Vector3d::Zero();
+    Eigen::Vector3d once_n = Eigen::Vector3d::Zero(), once_m = Eigen::Vector3d::Zero();  ///< On the way to the means.
+    double steps = 0.0, time_s = 0.0;                                                    ///< Since the tool is there.
+    /// Of light bodies: mean, place and time when it was told last, and the stiffness between.
+    double told_s = 0.0;
+    Eigen::Vector3d told_n = Eigen::Vector3d::Zero(), told_m = Eigen::Vector3d::Zero();
+    double stiffness_n_per_m = 0.0;
+  };
+  static constexpr double kMean_s = 4e-3;
+  [[nodiscard]] const Borne& borne(std::size_t proxy) const { return borne_[proxy]; }
+
   /// Appends further contacts after those of the rigid bodies.
   virtual void add_more_contacts(std::size_t proxy, double radius_m, ContactSet& out) const;
 
@@ -79,9 +102,12 @@ class BulletWorld : public World {
     std::shared_ptr<MadeShape> made;  // shared along a grid
     std::unique_ptr<btRigidBody> rigid;
     double reach = 0.0;  ///< No point of it is farther from its centre of mass [units]; infinite of planes and meshes.
+    bool light = false;  ///< It yields to tools.
   };
   [[nodiscard]] const std::vector<SceneBody>& scene_bodies() const noexcept { return bodies_; }
   [[nodiscard]] const std::vector<std::unique_ptr<BulletProxy>>& proxies() const noexcept { return proxies_; }
+  /// By proxy; null where no tool is driven.
+  [[nodiscard]] const std::vector<std::unique_ptr<BulletProxy>>& tools() const noexcept { return tools_; }
   [[nodiscard]] btDiscreteDynamicsWorld& dynamics() noexcept { return *world_; }
   [[nodiscard]] double scale() const noexcept { return scale_; }
   [[nodiscard]] const std::string& scene_file() const noexcept { return scene_file_; }
@@ -100,8 +126,12 @@ class BulletWorld : public World {
   [[nodiscard]] bool in_pile(const btRigidBody& body);
   void place_moving(double h);
   void take_out(BulletProxy& proxy);
+  void drop_tool(std::size_t proxy);
+  void find_light_bodies(double below_kg);
+  void bear_tools(double h);
   [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
-  void find_contacts(const BulletProxy& proxy, double radius_m, FoundContacts& out) const;
+  /// @param light Those of bodies that yield to tools, or those of the others.
+  void find_contacts(const btRigidBody& body, double radius, double radius_m, bool light, FoundContacts& out) const;
   void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
   void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first, std::uint32_t row,
                    ContactSet& out) const;
@@ -122,7 +152,10 @@ class BulletWorld : public World {
   std::unique_ptr<btDiscreteDynamicsWorld> world_;
   std::vector<SceneBody> bodies_;
   std::vector<MovingBody> moving_;
-  std::vector<std::unique_ptr<BulletProxy>> proxies_;
+  std::vector<std::unique_ptr<BulletProxy>> proxies_, tools_;
+  std::vector<double> tick_s_;  // by proxy
+  std::vector<Borne> borne_;    // likewise
+  bool any_light_ = false;
   /// Forces of placed proxies on bodies: for the next step, and of the last one, for contacts().
   struct Push {
     std::size_t proxy, body;

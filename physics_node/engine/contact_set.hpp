@@ -4,6 +4,7 @@
 /// engine. Frame W, SI units. All values belong to the end of the last step; forces are those of its last part (Stepper
 /// divides a step into parts).
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -21,15 +22,14 @@ struct Contact {
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of the body, at the point.
   double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
   double curvature_per_m = 0.0;                                    ///< Of the surface of a ball; 0: treated as a plane.
-  double compliance_m_per_n = 0.0;                                 ///< Of the surface, along the normal; 0: rigid.
   /// Inverse effective mass of the body for a force at the point: acceleration of the point = this · force. Symmetric.
   /// Zero for a body that no force moves. Rigid: 1/m·1 − [r]×·I⁻¹·[r]×, r from the centre of mass to the point.
   Eigen::Matrix3d inverse_mass_per_kg = Eigen::Matrix3d::Zero();
   std::uint32_t row = 0;  ///< Of the body in ContactSet::bodies.
 };
 
-/// Of a soft body it is the nearest patch: `body` counts on after the rigid bodies, `centre_m` is the patch's point,
-/// the mass is the patch's, velocities are zero. A contact's compliance is its displacement per force after 0.1 s.
+/// Of a soft body it is the nearest node: `body` counts on after the rigid bodies, `centre_m` is the node's place, the
+/// mass is the node's, velocities are zero. What a soft body does to a placed tool is told besides (ToolReaction).
 enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2, kSoft = 3 };
 
 /// A body behind at least one contact.
@@ -70,6 +70,25 @@ struct Support {
   double inverse_mass_per_kg = 0.0;                                ///< Of what holds; 0: no force moves it.
   /// Contact points that carry: 1 is a point, 2 an edge, more are a patch. Face on face is a patch with however many.
   std::uint32_t points = 0;
+};
+
+/// What all bodies that yield do to the tool of a method that simulates it itself: soft bodies, and bodies too light
+/// for the impulses of a step. Such a tool takes room among them (World::drive_tool). Now, and at some instants ahead,
+/// if it goes on as it goes.
+struct ToolReaction {
+  static constexpr std::size_t kInstants = 3;
+  struct Instant {
+    double after_s = 0.0;                                  ///< After the end of the last step.
+    Eigen::Vector3d tool_m = Eigen::Vector3d::Zero();      ///< Where the tool is then.
+    Eigen::Vector3d reaction_n = Eigen::Vector3d::Zero();  ///< On the tool, mean around that time.
+    Eigen::Vector3d normal = Eigen::Vector3d::UnitY();     ///< Unit, from what is nearest to the tool.
+    double gap_m = 0.0;                                    ///< To that; 0: it touches.
+  };
+  std::size_t count = 0;  ///< Of instants; 0: nothing that yields is near.
+  std::array<Instant, kInstants> instants{};
+  /// By how much the reaction falls where the tool is not there but elsewhere: along the reaction, and across.
+  double stiffness_n_per_m = 0.0, stiffness_across_n_per_m = 0.0;
+  double friction = 0.0;  ///< Coulomb coefficient of the pair.
 };
 
 /// Upper limits, which bound the message and the work of the solver.

@@ -19,7 +19,7 @@ struct EngineSettings {
 };
 
 /// Raise it when World, Scene, EngineSettings or this table change.
-inline constexpr std::uint32_t kEngineAbiVersion = 3;
+inline constexpr std::uint32_t kEngineAbiVersion = 4;
 
 /// What a module tells about itself, and the function that makes its world.
 struct EngineModule {

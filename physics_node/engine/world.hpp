@@ -23,6 +23,7 @@ struct ProxyParameters {
   double radius_m = 0.0;                                 ///< 0: a point.
   double friction = 0.0;                                 ///< Coulomb coefficient, multiplied with the body's.
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< p_WP at start.
+  double tick_s = 0.0;                                   ///< Period of the haptic loop; 0: none is known.
 };
 
 /// Where the proxy is pulled to, and how hard. Set before each step.
@@ -61,6 +62,9 @@ struct BodyTarget {
   Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
 };
 
+/// A body of less than once that moves by more than the hand in a tick: no loop at that rate can simulate it.
+inline constexpr double kLightest = 2.0;
+
 /// A simulated world. Made by an engine's factory from a checked scene.
 class World {
  public:
@@ -76,10 +80,21 @@ class World {
   /// Releases the tool: it stays where it is, at rest, pulls nothing and touches nothing until reset_proxy().
   virtual void release_proxy(std::size_t proxy) = 0;
 
-  /// Places the tool of a method that simulates it itself. It pulls nothing and touches nothing; contacts() lists what
-  /// is around it. Holds until reset_proxy(). A released tool stays released.
+  /// Places the tool of a method that simulates it itself. It pulls nothing and touches nothing that drive_tool() does
+  /// not name; contacts() lists what is around it. Holds until reset_proxy(). A released tool stays released.
   virtual void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m,
                            const Eigen::Vector3d& velocity_m_s) = 0;
+
+  /// In the next step such a tool takes room among what yields to it: soft bodies, and bodies that are too light for
+  /// impulses, whose mass is below kLightest·K·tick². Of these contacts() says nothing. It has no mass there: `target`
+  /// pulls it to where it is placed, and pushes with what the hand felt of them. Its ProxyReadout tells the forces of
+  /// that. Without effect where nothing yields.
+  virtual void drive_tool(std::size_t proxy, const ProxyTarget& target);
+
+  /// What that did to the tool, and will do within `ahead_s` if the tool goes on at `velocity_m_s`. Empty where nothing
+  /// yields, or is farther than `radius_m`. Later steps are bit-identical with and without this call.
+  virtual void tool_reaction(std::size_t proxy, double radius_m, double ahead_s, const Eigen::Vector3d& velocity_m_s,
+                             ToolReaction& out);
 
   /// Force of such a tool on a body in the next step: at its centre of mass, constant over the step, and a torque.
   /// Wakes the body. Without effect on a body that no force moves. Several calls for one body add up.
@@ -128,6 +143,8 @@ class World {
 };
 
 inline void World::set_body_target(std::size_t, const BodyTarget&) {}
+inline void World::drive_tool(std::size_t, const ProxyTarget&) {}
+inline void World::tool_reaction(std::size_t, double, double, const Eigen::Vector3d&, ToolReaction& out) { out = {}; }
 inline Eigen::Vector3d World::soft_node(std::size_t) const { return Eigen::Vector3d::Zero(); }
 
 }  // namespace physics

@@ -184,14 +184,16 @@ TEST(HapticConfig, ChoosesTheMethodThatTheSessionAllows) {
   };
   EXPECT_EQ(chosen("wall.yaml", {}), "local_contact");
   EXPECT_EQ(chosen("stack_125.yaml", {}), "local_contact");
-  EXPECT_EQ(chosen("soft.yaml", {}), "remote_virtual_coupling");
+  EXPECT_EQ(chosen("soft.yaml", {}), "local_contact");
   EXPECT_EQ(chosen("wall.yaml", {"physics=null"}), "direct");
   EXPECT_EQ(chosen("wall.yaml", {"haptic.0.form=paper"}), "remote_virtual_coupling");
   EXPECT_EQ(chosen("wall.yaml", {"haptic.0.link=pipe", "haptic.0.link_rate_hz=50", "physics.step_on=packet"}),
             "remote_virtual_coupling");
   EXPECT_EQ(chosen("two_hands.yaml", {}), "local_contact") << "each knows what the other does";
-  EXPECT_EQ(chosen("beads_mm.yaml", {}), "remote_virtual_coupling") << "10 mg before a tip of 10 g";
-  EXPECT_EQ(chosen("beads_mm.yaml", {"scene.bodies.5.mass_kg=0.001"}), "local_contact");
+  EXPECT_EQ(chosen("beads_mm.yaml", {}), "local_contact") << "they yield to the tool";
+  EXPECT_EQ(chosen("beads_mm.yaml", {"physics.engine=mujoco"}), "remote_virtual_coupling")
+      << "10 mg before a tip of 10 g";
+  EXPECT_EQ(chosen("beads_mm.yaml", {"physics.engine=mujoco", "scene.bodies.5.mass_kg=0.001"}), "local_contact");
 }
 
 // A program of the user's has bodies of its own: what the file says of a static one need not be there.

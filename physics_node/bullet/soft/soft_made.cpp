@@ -70,10 +70,6 @@ MadeSoftBody::MadeSoftBody(const config::SoftBody& body, btSoftBodyWorldInfo& in
   settings.kDF = static_cast<btScalar>(body.friction);
   soft_->setPose(body.closed, true);  // where it has turned to is asked for without matching, too
   soft_->updateNormals();
-  for (int i = 0; i < soft_->m_nodes.size(); ++i) {
-    rest_.nodes.push_back(from_bullet(soft_->m_pose.m_pos[i]));
-    rest_.normals.push_back(from_bullet(soft_->m_nodes[i].m_n));
-  }
   if (body.clusters > 0) soft_->generateClusters(body.clusters);
   soft_->randomizeConstraints();  // a fixed order bends the body to one side
 
@@ -111,15 +107,6 @@ void MadeSoftBody::press() {
     const btVector3 force = (soft_->m_nodes[b].m_x - corner).cross(soft_->m_nodes[c].m_x - corner) * factor;
     for (const int node : {a, b, c}) soft_->m_nodes[node].m_f += force;
   }
-}
-
-void MadeSoftBody::push(const SoftPatch& patch, const Vector3d& force_n) {
-  if (patch.shares.empty()) {
-    const btVector3 each = to_bullet(force_n, scale_ / soft_->m_nodes.size());
-    for (int i = 0; i < soft_->m_nodes.size(); ++i) soft_->m_nodes[i].m_f += each;
-    return;
-  }
-  for (const auto& [node, share] : patch.shares) soft_->m_nodes[node].m_f += to_bullet(force_n, scale_ * share);
 }
 
 double MadeSoftBody::volume() const {

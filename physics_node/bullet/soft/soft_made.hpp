@@ -8,13 +8,12 @@
 
 #include <BulletSoftBody/btSoftBody.h>
 
-#include "physics_node/bullet/soft/soft_patch.hpp"
 #include "physics_node/bullet/units.hpp"
 #include "rtbus/config/soft_body.hpp"
 
 namespace physics::bullet {
 
-/// A soft body with its rest shape. Frequencies, rates and pressures of the scene become Bullet's coefficients anew
+/// Frequencies, rates and pressures of the scene become Bullet's coefficients anew
 /// whenever the step changes: of pose matching the share (2π·f·h)² per step, of damping 1 − e^(−λ·h).
 ///
 /// Pressure is ours: a third of each face's p·A·n goes to each of its corners, which sums to zero over a closed
@@ -32,9 +31,6 @@ class MadeSoftBody {
   /// Coefficients and forces for a step of `h` seconds.
   void before_step(double h);
 
-  /// A force on a patch for the next step, on its nodes by their shares; on all of them when there is no patch.
-  void push(const SoftPatch& patch, const Eigen::Vector3d& force_n);
-
   /// False when a node is not finite or farther than `kMaxUnits` away, or the body is inside out.
   [[nodiscard]] bool sound() const;
 
@@ -44,7 +40,6 @@ class MadeSoftBody {
   /// What of the settings a step of `h` seconds cannot carry; empty: nothing.
   [[nodiscard]] std::string complaint(double h) const;
 
-  [[nodiscard]] const RestShape& rest() const noexcept { return rest_; }
   [[nodiscard]] btSoftBody& soft() noexcept { return *soft_; }
   [[nodiscard]] const btSoftBody& soft() const noexcept { return *soft_; }
   [[nodiscard]] const rtbus::config::SoftBody& body() const noexcept { return body_; }
@@ -67,7 +62,6 @@ class MadeSoftBody {
   double step_s_ = 0.0;   // of the coefficients
   double carried_ = 1.0;  // share of pressure and bulk modulus that the step carries
   std::vector<std::array<int, 3>> faces_;
-  RestShape rest_;
   std::unique_ptr<btSoftBody> soft_;
 };
 

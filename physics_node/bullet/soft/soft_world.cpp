@@ -54,7 +54,6 @@ SoftWorld::~SoftWorld() {
 void SoftWorld::before_dynamics(double h) {
   h_ = h;
   for (const auto& body : bodies_) body->before_step(h);
-  push_patches();
 }
 
 void SoftWorld::collide() {
@@ -63,6 +62,9 @@ void SoftWorld::collide() {
     for (const auto& proxy : proxies()) {
       if (!proxy->released() && !proxy->placed())
         collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness);
+    }
+    for (const auto& tool : tools()) {
+      if (tool) collide_with_proxy(made->soft(), *tool, made->body().contact_hardness);
     }
   }
 }
@@ -143,12 +145,17 @@ void SoftWorld::add_contact(btSoftBody& soft, btSoftBody::Node& node, btRigidBod
 
 void SoftWorld::note_velocities() {
   velocities_.clear();
-  for (const auto& proxy : proxies()) velocities_.push_back(proxy->body().getLinearVelocity());
+  for (const auto* const group : {&proxies(), &tools()}) {
+    for (const auto& each : *group) velocities_.push_back(each ? each->body().getLinearVelocity() : btVector3(0, 0, 0));
+  }
 }
 
 void SoftWorld::after_dynamics(double h) {
   for (std::size_t i = 0; i < velocities_.size(); ++i) {
-    btRigidBody& rigid = proxies()[i]->body();
+    const bool is_tool = i >= proxies().size();
+    const auto& each = is_tool ? tools()[i - proxies().size()] : proxies()[i];
+    if (!each) continue;
+    btRigidBody& rigid = each->body();
     const btVector3 change = rigid.getLinearVelocity() - velocities_[i];
     if (change.isZero()) continue;
     btTransform pose = rigid.getWorldTransform();
@@ -162,7 +169,6 @@ void SoftWorld::after_dynamics(double h) {
     body->put_back();
     ++recoveries_;
   }
-  follow_patches(h);
 }
 
 Vector3d SoftWorld::soft_node(std::size_t node) const { return from_bullet(nodes_.at(node)->m_x, scale()); }

@@ -1,6 +1,7 @@
 #pragma once
 /// @file soft_world.hpp
 /// The engine `bullet` for scenes with soft bodies: a module of its own, which maps Bullet's soft-body library.
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,8 +10,7 @@
 #include "physics_node/bullet/nearest.hpp"
 #include "physics_node/bullet/soft/soft_dynamics.hpp"
 #include "physics_node/bullet/soft/soft_made.hpp"
-#include "physics_node/bullet/soft/soft_patch.hpp"
-#include "physics_node/bullet/soft/soft_probe.hpp"
+#include "physics_node/bullet/soft/tool_ahead.hpp"
 
 namespace physics::bullet {
 
@@ -22,9 +22,10 @@ namespace physics::bullet {
 /// contacts, which push the rigid bodies. A proxy has been moved by then: it is moved on by what its contacts with soft
 /// bodies changed of its velocity, so that it stands where the nodes have made room for it.
 ///
-/// A placed proxy has no contacts with nodes. contacts() lists one patch of nodes (SoftPatch) of each near soft body,
-/// as a contact with a compliance, after the rigid bodies and numbered after them. apply_hand_force() applies the
-/// hand's force to the nodes of that patch.
+/// The tool of a placed proxy meets the nodes in the same way. What it bears is told (tool_reaction()) for now, and for
+/// later: copies of the near bodies go on with the tool held on its way (ToolAhead). A second course beside that one
+/// measures the stiffness. contacts() lists the nearest node of each near soft body after the rigid bodies, and numbers
+/// it after them.
 ///
 /// Whatever the settings, numbers stay finite: links, pose matching and contacts move nodes by a share of what is
 /// wrong, the explicit pressure is lowered to what the step carries, and a body that is unsound all the same is put
@@ -34,8 +35,8 @@ class SoftWorld final : public BulletWorld {
   SoftWorld(const rtbus::config::Scene& scene, const EngineSettings& settings);
   ~SoftWorld() override;
 
-  void apply_hand_force(std::size_t proxy, std::size_t body, const Eigen::Vector3d& force_n,
-                        const Eigen::Vector3d& torque_n_m) override;
+  void tool_reaction(std::size_t proxy, double radius_m, double ahead_s, const Eigen::Vector3d& velocity_m_s,
+                     ToolReaction& out) override;
   [[nodiscard]] std::size_t soft_nodes() const noexcept override { return nodes_.size(); }
   [[nodiscard]] Eigen::Vector3d soft_node(std::size_t node) const override;
   [[nodiscard]] std::uint64_t recoveries() const noexcept override { return recoveries_; }
@@ -46,25 +47,39 @@ class SoftWorld final : public BulletWorld {
   [[nodiscard]] std::vector<std::string> warnings(double longest_step_s) const override;
 
  private:
-  /// One placed proxy and one soft body.
-  struct Followed {
-    SoftPatch patch;
-    Eigen::Vector3d asked_n = Eigen::Vector3d::Zero();   ///< For the next step …
-    Eigen::Vector3d pushed_n = Eigen::Vector3d::Zero();  ///< … and in the last one.
-    double compliance_m_per_n = 0.0;                     ///< 0: not measured yet.
-    bool probed = false;                                 ///< The body's probe is on this patch.
+  /// Of one tool: what was seen ahead.
+  struct Seen {
+    double along_n_per_m = 0.0, across_n_per_m = 0.0;  ///< 0: not measured yet.
+    double measured = 0.0;                             ///< Borne::steps when that was.
+    std::uint32_t turn = 0;
+    std::unique_ptr<ToolAhead> plain, aside;
   };
-  using Probe = std::unique_ptr<SoftProbe>;
+  struct NearNode {
+    const btSoftBody::Node* node = nullptr;
+    Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+    double gap_m = 0.0;
+  };
+  /// Means around half of the way ahead, and around its end.
+  struct Course {
+    std::array<ToolReaction::Instant, 2> instants{};
+  };
+  [[nodiscard]] bool anything_yields() const override { return true; }
   void before_dynamics(double h) override;
   void after_dynamics(double h) override;
   void collide();
   void collide_with_body(btSoftBody& soft, const SceneBody& body, double hardness);
   void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness);
-  void collide_with_fixed(btSoftBody& copy, const MadeSoftBody& made);
-  [[nodiscard]] PatchBall ball_of(const BulletProxy& proxy, const MadeSoftBody& made) const;
-  [[nodiscard]] Followed& follow(std::size_t proxy, std::size_t soft);
-  void push_patches();
-  void follow_patches(double h);
+  void collide_with_fixed(MadeSoftBody& copy);
+  /// @param radius Of the tool [units].
+  [[nodiscard]] NearNode nearest_node(const MadeSoftBody& made, const Eigen::Vector3d& tool_m, double radius) const;
+  [[nodiscard]] ToolReaction::Instant instant_at(double after_s, const Eigen::Vector3d& tool_m,
+                                                 const Eigen::Vector3d& reaction_n, double radius,
+                                                 const std::vector<const MadeSoftBody*>& bodies) const;
+  void look_ahead(const BulletProxy& tool, double ahead_s, const Eigen::Vector3d& velocity_m_s,
+                  const std::vector<const MadeSoftBody*>& near, double steps, Seen& seen, ToolReaction& out);
+  [[nodiscard]] Course run_course(ToolAhead& course, const BulletProxy& tool,
+                                  const std::vector<const MadeSoftBody*>& near, int steps, double course_s,
+                                  const Eigen::Vector3d& velocity_m_s, const Eigen::Vector3d& aside_m);
   void add_more_contacts(std::size_t index, double radius_m, ContactSet& out) const override;
   void note_velocities();
   void add_contact(btSoftBody& soft, btSoftBody::Node& node, btRigidBody& rigid, const Eigen::Vector3d& normal,
@@ -73,9 +88,8 @@ class SoftWorld final : public BulletWorld {
   SoftDynamics& soft_dynamics_;
   std::vector<std::unique_ptr<MadeSoftBody>> bodies_;
   std::vector<const btSoftBody::Node*> nodes_;  // of all bodies, in order
-  std::vector<btVector3> velocities_;           // of the proxies, with which they were moved
-  std::vector<Followed> followed_;              // by proxy, then by body; empty until a proxy is placed
-  std::vector<Probe> probes_;                   // of each body, made when a placed proxy first comes near
+  std::vector<btVector3> velocities_;           // of proxies, then tools, with which they were moved
+  std::vector<Seen> seen_;                      // by proxy
   std::vector<NearPoint> near_;                 // kept for its memory
   double h_ = 1e-3;
   std::uint64_t recoveries_ = 0;

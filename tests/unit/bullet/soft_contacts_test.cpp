@@ -1,4 +1,4 @@
-/// What the engine says of soft bodies to a method that moves the proxy by itself, and what it does with its pushes.
+/// What the engine says of soft bodies to a method that moves the proxy by itself, and what its tool does to them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,6 +17,7 @@ using physics::World;
 using rtbus::config::Scene;
 
 constexpr double kStep_s = 1e-3, kRadius_m = 0.04, kMargin_m = 0.001, kTool_m = 0.01, kMass_kg = 0.1;
+constexpr double kAbove_m = 2 * kRadius_m + 2 * kMargin_m + kTool_m + 0.01;
 
 /// A ball of 80 mm on the floor, or alone in space.
 Scene soft_ball(bool on_floor) {
@@ -52,6 +53,41 @@ std::unique_ptr<World> with_placed_tool(const Scene& scene, const Vector3d& at_m
   return world;
 }
 
+constexpr double kSpring_n_per_m = 300.0;
+
+physics::ProxyTarget target_at(const Vector3d& at_m, const Vector3d& push_n = Vector3d::Zero()) {
+  physics::ProxyTarget out;
+  out.position_m = at_m;
+  out.stiffness_n_per_m = kSpring_n_per_m;
+  out.damping_n_s_per_m = 3.0;
+  out.force_n = push_n;
+  return out;
+}
+
+/// Steps with the tool on its spring to `at_m`. @returns its mean reaction over the second half.
+Vector3d press(World& world, const Vector3d& at_m, double duration_s, const Vector3d& push_n = Vector3d::Zero(),
+               const Vector3d& velocity_m_s = Vector3d::Zero()) {
+  const int steps = static_cast<int>(std::lround(duration_s / kStep_s));
+  Vector3d sum_n = Vector3d::Zero();
+  for (int i = 0; i < steps; ++i) {
+    world.place_proxy(0, at_m, Vector3d::Zero());
+    physics::ProxyTarget target = target_at(at_m, push_n);
+    target.velocity_m_s = velocity_m_s;
+    world.drive_tool(0, target);
+    world.step(kStep_s);
+    if (i >= steps / 2) sum_n += world.proxy(0).contact_force_n;
+  }
+  return sum_n / (steps - steps / 2);
+}
+
+/// The body has come to rest under its weight. @returns where a tool above it touches.
+double settle(World& world, double above_m) {
+  press(world, Vector3d(0, above_m, 0), 2.0);
+  ContactSet set;
+  world.contacts(0, 0.1, set);
+  return above_m - set.contacts.back().gap_m;
+}
+
 Vector3d middle_of(const World& world) {
   Vector3d sum = Vector3d::Zero();
   for (std::size_t i = 0; i < world.soft_nodes(); ++i) sum += world.soft_node(i);
@@ -70,71 +106,102 @@ TEST(SoftContacts, NameTheSoftBodyAfterTheRigidOnes) {
   EXPECT_EQ(set.bodies[1].body, world->bodies());
   const physics::Contact& contact = set.contacts[1];
   EXPECT_EQ(contact.row, 1U);
-  EXPECT_GT(contact.normal.y(), 0.99);
-  // Means over a patch lie a little below the ball's top: by its width squared over eight radii.
+  EXPECT_GT(contact.normal.y(), 0.8);
   EXPECT_NEAR(contact.gap_m, 0.002, 0.0015);
-  EXPECT_GT(contact.compliance_m_per_n, 0.0);
   EXPECT_DOUBLE_EQ(contact.friction, 0.25);
   world->contacts(0, 0.0005, set);
   EXPECT_TRUE(set.contacts.empty());
 }
 
 TEST(SoftContacts, AskingChangesNothing) {
-  const Vector3d at(0.01, 2 * kRadius_m + kMargin_m + kTool_m, 0);
+  const Vector3d at(0.01, 2 * kRadius_m + kMargin_m + kTool_m - 0.003, 0);
   const auto asked = with_placed_tool(soft_ball(true), at), left = with_placed_tool(soft_ball(true), at);
   ContactSet set;
-  for (int i = 0; i < 300; ++i) {
-    for (World* world : {asked.get(), left.get()}) {
-      world->apply_hand_force(0, world->bodies(), Vector3d(0, -0.3, 0), Vector3d::Zero());
-      world->step(kStep_s);
-    }
+  physics::ToolReaction reaction;
+  for (int i = 0; i < 100; ++i) {
+    for (World* world : {asked.get(), left.get()}) press(*world, at, kStep_s);
     asked->contacts(0, 0.05, set);
+    asked->tool_reaction(0, 0.05, 0.03, Vector3d(0, -0.01, 0), reaction);
   }
+  ASSERT_EQ(reaction.count, 3U);
   for (std::size_t i = 0; i < asked->soft_nodes(); ++i) ASSERT_EQ(asked->soft_node(i), left->soft_node(i));
 }
 
-TEST(SoftContacts, WhatAHandFeelsMovesTheBody) {
-  const auto world = with_placed_tool(soft_ball(false), Vector3d(0, 2 * kRadius_m + kMargin_m + kTool_m, 0));
-  world->step(kStep_s);
+TEST(SoftContacts, WhatPushesTheToolMovesTheBody) {
+  const Vector3d at(0, 2 * kRadius_m + 2 * kMargin_m + kTool_m, 0);
+  const auto world = with_placed_tool(soft_ball(false), at);
+  press(*world, at, kStep_s);
   const Vector3d before_m = middle_of(*world);
-  const Vector3d force_n(0.02, -0.05, 0);
-  constexpr int kSteps = 40;
+  const Vector3d push_n(0.0, -1.0, 0);
+  Vector3d given_n_s = Vector3d::Zero();
+  constexpr int kSteps = 100;
   for (int i = 0; i < kSteps; ++i) {
-    world->apply_hand_force(0, world->bodies(), force_n, Vector3d::Zero());
-    world->step(kStep_s);
+    press(*world, at, kStep_s, push_n);
+    given_n_s -= kStep_s * world->proxy(0).contact_force_n;
+    // Without mass: what it is pushed with is what it pushes with.
+    ASSERT_LT((world->proxy(0).contact_force_n + world->proxy(0).coupling_force_n).norm(), 1e-3);
   }
-  const double time_s = kSteps * kStep_s;
-  // Damped at 4 1/s: a little less than half F·t²/m.
-  const Vector3d due_m = 0.5 * time_s * time_s / kMass_kg * force_n;
-  EXPECT_LT((middle_of(*world) - before_m - due_m).norm(), 0.1 * due_m.norm());
+  EXPECT_LT(given_n_s.y(), -1e-3);
+  EXPECT_LT(middle_of(*world).y(), before_m.y());
 }
 
-/// The probe's figure beside what the body itself does under more load.
-TEST(SoftContacts, ComplianceIsWhatTheBodyGivesWay) {
-  const Vector3d at(0, 2 * kRadius_m + kMargin_m + kTool_m, 0);
-  const auto world = with_placed_tool(soft_ball(true), at);
-  ContactSet set;
-  const auto press = [&](double force_n, double duration_s) {
-    double depth_m = 0.0;
-    int count = 0;
-    const int steps = static_cast<int>(duration_s / kStep_s);
-    for (int i = 0; i < steps; ++i) {
-      world->apply_hand_force(0, world->bodies(), Vector3d(0, -force_n, 0), Vector3d::Zero());
-      world->step(kStep_s);
-      if (i < steps / 2) continue;
-      world->contacts(0, 0.05, set);
-      depth_m += set.contacts.at(0).gap_m;
-      ++count;
-    }
-    return depth_m / count;
-  };
-  press(0.3, 1.0);
-  const double before_m = press(0.3, 0.5);
-  const double compliance = set.contacts.at(0).compliance_m_per_n;
-  const double deeper_m = press(0.35, 0.1) - before_m;
-  EXPECT_GT(compliance, 1e-3);
-  EXPECT_NEAR(compliance, deeper_m / 0.05, 0.3 * compliance);
+TEST(SoftContacts, TellWhatTheToolBearsAtRest) {
+  const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
+  const Vector3d at(0, settle(*world, kAbove_m) - 0.006, 0);
+  press(*world, at, 2.0);
+  const Vector3d bears_n = press(*world, at, 0.2);
+  physics::ToolReaction told;
+  world->tool_reaction(0, 0.05, 0.1, Vector3d::Zero(), told);
+  ASSERT_EQ(told.count, 3U);
+  EXPECT_GT(bears_n.y(), 0.05);
+  for (std::size_t i = 0; i < told.count; ++i) {
+    EXPECT_LT((told.instants[i].reaction_n - bears_n).norm(), 0.02 * bears_n.norm()) << i;
+    EXPECT_EQ(told.instants[i].gap_m, 0.0);
+  }
+  // Its spring is stretched by that force.
+  EXPECT_NEAR(told.instants[0].tool_m.y() - at.y(), bears_n.y() / kSpring_n_per_m, 2e-4);
+}
+
+/// What is told ahead beside what the world then does; and the stiffness beside another place of the tool.
+TEST(SoftContacts, ForetellWhatTheToolWillBear) {
+  const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
+  const Vector3d at(0, settle(*world, kAbove_m) - 0.004, 0);
+  press(*world, at, 1.0);
+  constexpr double kAhead_s = 0.1;
+  const Vector3d velocity_m_s(0, -0.02, 0);
+  physics::ToolReaction told;
+  world->tool_reaction(0, 0.05, kAhead_s, velocity_m_s, told);
+  ASSERT_EQ(told.count, 3U);
+  Vector3d reaction_n = Vector3d::Zero(), tool_m = Vector3d::Zero();
+  const double half_s = 0.5 * told.instants[1].after_s;
+  int count = 0;
+  for (double t = kStep_s; t <= told.instants[1].after_s + half_s; t += kStep_s) {
+    press(*world, at + t * velocity_m_s, kStep_s, Vector3d::Zero(), velocity_m_s);
+    if (t < half_s) continue;
+    reaction_n += world->proxy(0).contact_force_n;
+    ++count;
+  }
+  reaction_n /= count;
+  EXPECT_LT((told.instants[1].reaction_n - reaction_n).norm(), 0.03 * reaction_n.norm())
+      << told.instants[1].reaction_n.transpose() << " told, " << reaction_n.transpose();
+  EXPECT_GT(told.stiffness_n_per_m, 10.0);
+  EXPECT_LT(told.stiffness_n_per_m, 300.0);
   EXPECT_EQ(world->recoveries(), 0U);
+}
+
+TEST(SoftContacts, TellAGapBeforeTheTouch) {
+  const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
+  press(*world, Vector3d(0, settle(*world, kAbove_m) + 0.003, 0), 0.1);
+  physics::ToolReaction told;
+  world->tool_reaction(0, 0.05, 0.1, Vector3d(0, -0.1, 0), told);
+  ASSERT_EQ(told.count, 3U);
+  EXPECT_NEAR(told.instants[0].gap_m, 0.003, 0.0003);
+  EXPECT_TRUE(told.instants[0].reaction_n.isZero(0.0));
+  EXPECT_GT(told.instants[0].normal.y(), 0.8);
+  EXPECT_EQ(told.instants[2].gap_m, 0.0);
+  EXPECT_GT(told.instants[2].reaction_n.y(), 0.1) << "6 mm further on it presses";
+  world->tool_reaction(0, 0.0005, 0.0, Vector3d::Zero(), told);
+  EXPECT_EQ(told.count, 0U);
 }
 
 }  // namespace

@@ -46,6 +46,9 @@ void claim_free_bodies(const LocalContactOptions& options, Experiment& experimen
 /// i: two hands at one body feel each other.
 void claim_two_hands(const LocalContactOptions& options, Experiment& experiment);
 
+/// k: what yields, soft bodies and very light ones, bears the hand as it does in physics.
+void claim_yields(const LocalContactOptions& options, Experiment& experiment);
+
 /// Writes bumps of 1 mm on a square of 50 mm, y up, in 2·cells² triangles, as an OBJ file in metres. @returns `file`.
 std::filesystem::path write_bumps(const std::filesystem::path& file, int cells);
 

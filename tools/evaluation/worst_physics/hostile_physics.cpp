@@ -142,6 +142,7 @@ void HostilePhysics::lie_about_contacts(const rtbus::DeviceState& hand, const Ve
   }
   fill_bodies(surface_m_s, out);
   fill_supports(out);
+  if (plan_.compliance_m_per_n > 0.0) fill_yields(proxy_m, normal, out);
 }
 
 void HostilePhysics::fill_contact(std::size_t row, const Vector3d& proxy_m, const Vector3d& normal,
@@ -156,7 +157,6 @@ void HostilePhysics::fill_contact(std::size_t row, const Vector3d& proxy_m, cons
   out.contact_velocity_m_s[row] = array_of(surface_m_s);
   out.contact_friction[row] = plan_.friction;
   out.contact_curvature_per_m[row] = random_.chance(plan_.wild_share) ? std::abs(wild(1e6)) : 0.0;
-  out.contact_compliance_m_per_n[row] = plan_.compliance_m_per_n;
 }
 
 void HostilePhysics::fill_bodies(const Vector3d& surface_m_s, rtbus::ProxyContacts& out) {
@@ -184,6 +184,23 @@ void HostilePhysics::fill_bodies(const Vector3d& surface_m_s, rtbus::ProxyContac
     out.body_proxy_force_n[row] = {};
     out.body_friction_bound_n[row] = dynamic ? plan_.friction * push_n : 0.0;
     if (random_.chance(plan_.wild_share)) out.body_external_force_n[row] = {wild(kForce_n), wild(kForce_n), wild(1.0)};
+  }
+}
+
+/// What yields pushes where it is wanted to, and has moved when it is looked at again.
+void HostilePhysics::fill_yields(const Vector3d& proxy_m, const Vector3d& normal, rtbus::ProxyContacts& out) {
+  out.yields = 1 + static_cast<std::uint32_t>(random_.below(static_cast<int>(rtbus::kYieldSlots)));
+  out.yield_stiffness_n_per_m = 1.0 / plan_.compliance_m_per_n;
+  out.yield_stiffness_across_n_per_m = random_.chance(0.5) ? 0.0 : out.yield_stiffness_n_per_m;
+  out.yield_friction = plan_.friction;
+  for (std::size_t row = 0; row < out.yields; ++row) {
+    const Vector3d n = random_.chance(plan_.flip_share) ? Vector3d(-normal) : normal;
+    out.yield_after_s[row] = static_cast<double>(row) * plan_.step_s;
+    out.yield_tool_m[row] = array_of(Vector3d(proxy_m + plan_.jump_m * random_.between(-1.0, 1.0) * n));
+    out.yield_reaction_n[row] = array_of(Vector3d(plan_.force_n * n));
+    out.yield_normal[row] = array_of(n);
+    out.yield_gap_m[row] = 0.0;
+    if (random_.chance(plan_.wild_share)) out.yield_reaction_n[row] = {wild(kForce_n), wild(1.0), wild(kForce_n)};
   }
 }
 

@@ -81,6 +81,7 @@ class HostilePhysics {
                     const Eigen::Vector3d& surface_m_s, rtbus::ProxyContacts& out);
   void fill_bodies(const Eigen::Vector3d& surface_m_s, rtbus::ProxyContacts& out);
   void fill_supports(rtbus::ProxyContacts& out);
+  void fill_yields(const Eigen::Vector3d& proxy_m, const Eigen::Vector3d& normal, rtbus::ProxyContacts& out);
 
   HostilePlan plan_;
   double stiffness_n_per_m_;

@@ -1,0 +1,105 @@
+#include "haptic_node/rendering/yielding_bodies.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "rtbus/clock.hpp"
+#include "rtbus/eigen.hpp"
+
+namespace haptic {
+namespace {
+
+using Eigen::Vector3d;
+using rtbus::vector_of;
+
+/// The solver divides by it.
+constexpr double kSoftest_n_per_m = 1e-3;
+
+/// Along the reaction; where there is none, to what is nearest.
+Vector3d direction(const Vector3d& reaction_n, const Vector3d& normal) noexcept {
+  const double size_n = reaction_n.norm();
+  if (size_n > 0.0) return reaction_n / size_n;
+  const double length = normal.norm();
+  return length > 0.5 ? Vector3d(normal / length) : Vector3d(Vector3d::UnitY());
+}
+
+}  // namespace
+
+std::optional<double> YieldingBodies::take(const rtbus::ProxyContacts& answer, const Vector3d& proxy_m,
+                                           std::uint64_t now_ns, const Blend& blend) noexcept {
+  blend_ = blend;
+  const bool felt = normal_n_s_ > 0.0;
+  const auto bears_n = [&] {
+    if (count_ == 0) return Vector3d(Vector3d::Zero());
+    const Instant now = at(now_ns);
+    const Vector3d n = direction(now.reaction_n, now.normal);
+    const double ahead_m = n.dot(proxy_m - now.tool_m) + now.gap_m;
+    return Vector3d(std::max(0.0, now.reaction_n.norm() + n.dot(late_n_) - along_n_per_m_ * ahead_m) * n);
+  };
+  const Vector3d before_n = felt ? bears_n() : Vector3d(Vector3d::Zero());
+  count_ = std::min<std::size_t>(answer.yields, rtbus::kYieldSlots);
+  from_ns_ = answer.device_time_ns;
+  along_n_per_m_ = std::max(answer.yield_stiffness_n_per_m, kSoftest_n_per_m);
+  across_n_per_m_ = answer.yield_stiffness_across_n_per_m;
+  friction_ = answer.yield_friction;
+  for (std::size_t i = 0; i < count_; ++i) {
+    instants_[i] = {answer.yield_after_s[i], vector_of(answer.yield_tool_m[i]), vector_of(answer.yield_reaction_n[i]),
+                    vector_of(answer.yield_normal[i]), answer.yield_gap_m[i]};
+  }
+  late_n_.setZero();
+  if (!felt || count_ == 0) return std::nullopt;
+  late_n_ = before_n - bears_n();
+  return late_n_.norm() / along_n_per_m_;
+}
+
+YieldingBodies::Instant YieldingBodies::at(std::uint64_t now_ns) const noexcept {
+  const double after_s = now_ns > from_ns_ ? rtbus::seconds_between(from_ns_, now_ns) : 0.0;
+  std::size_t next = 0;
+  while (next < count_ && instants_[next].after_s <= after_s) ++next;
+  if (next == 0) return instants_[0];
+  if (next == count_) return instants_[count_ - 1];
+  const Instant& a = instants_[next - 1];
+  const Instant& b = instants_[next];
+  const double share = (after_s - a.after_s) / (b.after_s - a.after_s);
+  return {after_s, a.tool_m + share * (b.tool_m - a.tool_m), a.reaction_n + share * (b.reaction_n - a.reaction_n),
+          a.normal + share * (b.normal - a.normal), a.gap_m + share * (b.gap_m - a.gap_m)};
+}
+
+std::size_t YieldingBodies::add_row(const Vector3d& proxy_m, std::uint64_t now_ns, double h, SolverBody& proxy,
+                                    SolverContact* rows, std::size_t first) noexcept {
+  row_ = kNoRow;
+  across_n_s_.setZero();
+  if (count_ == 0) return 0;
+  const Instant now = at(now_ns);
+  const Vector3d n = direction(now.reaction_n, now.normal);
+  const Vector3d aside_m = proxy_m + h * proxy.velocity_m_s - now.tool_m;
+  const double bears_n = now.reaction_n.norm() + n.dot(late_n_);
+  const double ahead_m = n.dot(aside_m) + now.gap_m;
+  if (bears_n <= along_n_per_m_ * ahead_m) return 0;
+  row_ = first;
+  SolverContact& row = rows[first];
+  row = SolverContact{};
+  row.normal = n;
+  row.closing_m_s = (n.dot(proxy_m - now.tool_m) + now.gap_m) / h;
+  row.softness_per_kg = 1.0 / (h * h * along_n_per_m_);
+  row.expected_n_s = h * bears_n;
+  row.impulse_n_s = normal_n_s_ * n;  // warm start
+  // Across: implicit by itself, within what friction holds.
+  const double held = h * h * across_n_per_m_;
+  across_n_s_ = -held / (h * (1.0 + held * proxy.inverse_mass_per_kg)) * (aside_m - n * n.dot(aside_m));
+  const double most_n_s = friction_ * normal_n_s_;
+  if (const double size_n_s = across_n_s_.norm(); size_n_s > most_n_s) across_n_s_ *= most_n_s / size_n_s;
+  proxy.velocity_m_s += proxy.inverse_mass_per_kg * across_n_s_;
+  return 1;
+}
+
+Vector3d YieldingBodies::impulse_n_s(const SolverContact* rows) const noexcept {
+  return row_ == kNoRow ? Vector3d(Vector3d::Zero()) : Vector3d(rows[row_].impulse_n_s + across_n_s_);
+}
+
+void YieldingBodies::keep(const SolverContact* rows, double h) noexcept {
+  late_n_ -= blend_.share(h) * late_n_;
+  normal_n_s_ = row_ == kNoRow ? 0.0 : rows[row_].normal_n_s;
+}
+
+}  // namespace haptic

@@ -1,0 +1,72 @@
+#pragma once
+/// @file yielding_bodies.hpp
+/// What yields to the proxy: soft bodies, and bodies too light for the impulses of a step. Frame W, SI units.
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "haptic_node/rendering/blend.hpp"
+#include "haptic_node/rendering/contact_solver.hpp"
+#include "rtbus/contact_messages.hpp"
+#include "rtbus/realtime.hpp"
+
+namespace haptic {
+
+/// The tool takes room among these bodies in physics. An answer tells what they do to it, R, where it is then, q, and
+/// how R falls with the tool's place; now, and ahead if the tool goes on as it goes. For the proxy at p this is
+///
+///   R(p, t) = R(t) − S·(p − q(t)),     one-sided along R, at most friction · its normal part across.
+///
+/// So at rest it is what physics has found, whatever S is: S bridges what the hand does otherwise than foreseen.
+/// What the proxy feels goes back as the impulses of rtbus::kYieldingBodies. One thread. @realtime Yes.
+class YieldingBodies {
+ public:
+  static constexpr std::size_t kNoRow = static_cast<std::size_t>(-1);
+
+  void forget() noexcept {
+    count_ = 0;
+    normal_n_s_ = 0.0;
+    late_n_.setZero();
+  }
+
+  /// @returns how far the answer moves the surface that is felt; none: nothing is.
+  std::optional<double> take(const rtbus::ProxyContacts& answer, const Eigen::Vector3d& proxy_m, std::uint64_t now_ns,
+                             const Blend& blend) noexcept RTBUS_NONBLOCKING;
+
+  [[nodiscard]] bool near() const noexcept { return count_ > 0; }
+
+  /// The row of the tick of `h` that ends at `now_ns`; what acts across is given to `proxy` at once.
+  /// @returns rows added, 0 or 1.
+  std::size_t add_row(const Eigen::Vector3d& proxy_m, std::uint64_t now_ns, double h, SolverBody& proxy,
+                      SolverContact* rows, std::size_t first) noexcept RTBUS_NONBLOCKING;
+
+  /// On the proxy, by the solution of the rows.
+  [[nodiscard]] Eigen::Vector3d impulse_n_s(const SolverContact* rows) const noexcept RTBUS_NONBLOCKING;
+  /// That solution is what is felt.
+  void keep(const SolverContact* rows, double h) noexcept RTBUS_NONBLOCKING;
+
+ private:
+  struct Instant {
+    double after_s = 0.0;
+    Eigen::Vector3d tool_m = Eigen::Vector3d::Zero(), reaction_n = Eigen::Vector3d::Zero();
+    Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+    double gap_m = 0.0;
+  };
+  [[nodiscard]] Instant at(std::uint64_t now_ns) const noexcept;
+
+  std::size_t count_ = 0;
+  std::array<Instant, rtbus::kYieldSlots> instants_{};
+  std::uint64_t from_ns_ = 0;
+  Blend blend_;
+  Eigen::Vector3d late_n_ = Eigen::Vector3d::Zero();  ///< Of the reaction before the answer, what is still felt.
+  double along_n_per_m_ = 0.0, across_n_per_m_ = 0.0;
+  double friction_ = 0.0;
+  double normal_n_s_ = 0.0;  ///< Of the last tick.
+  Eigen::Vector3d across_n_s_ = Eigen::Vector3d::Zero();
+  std::size_t row_ = kNoRow;
+};
+
+}  // namespace haptic

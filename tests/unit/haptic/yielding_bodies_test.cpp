@@ -1,0 +1,163 @@
+/// What yields to the proxy, in the world of local_contact: what physics tells of it, and what becomes of that.
+#include "haptic_node/rendering/yielding_bodies.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "haptic_node/rendering/local_world.hpp"
+#include "rtbus/clock.hpp"
+#include "tests/unit/haptic/held_world.hpp"
+
+namespace {
+
+using rtbus::ProxyContacts;
+
+constexpr double kTickS = 1e-3, kHandN_m = 300.0, kHandNs_m = 0.5;
+constexpr double kPhysicsS = 0.05;
+constexpr double kSoftN_m = 90.0;
+
+/// A soft body that fills x < 0 and bears a tool at `tool_x_m` with kSoftN_m times its depth.
+ProxyContacts soft(double tool_x_m, std::uint64_t sample_ns, double told_n_per_m = kSoftN_m) {
+  ProxyContacts out;
+  out.device_sequence = 1;
+  out.device_time_ns = sample_ns;
+  out.step_s = kPhysicsS;
+  out.yields = 1;
+  out.yield_tool_m[0] = {tool_x_m, 0, 0};
+  out.yield_reaction_n[0] = {std::max(0.0, -kSoftN_m * tool_x_m), 0, 0};
+  out.yield_normal[0] = {1, 0, 0};
+  out.yield_gap_m[0] = std::max(0.0, tool_x_m);
+  out.yield_stiffness_n_per_m = told_n_per_m;
+  return out;
+}
+
+struct YieldingBodiesTest : testing::Test, tests::HeldWorld {
+  YieldingBodiesTest() : HeldWorld(kHandN_m, kHandNs_m) {}
+};
+
+TEST_F(YieldingBodiesTest, AreASpringInSeriesWithTheHands) {
+  world->reset({0.002, 0, 0});
+  world->take(soft(0.002, now_ns), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i <= 100; ++i) force_n = tick(0.002 - 1e-4 * i, -0.1);
+  for (int i = 0; i < 50; ++i) force_n = tick(-0.008);
+  const double due_n = 0.008 / (1.0 / kHandN_m + 1.0 / kSoftN_m);
+  EXPECT_NEAR(force_n, due_n, 1e-3 * due_n);
+  ASSERT_EQ(world->hand_impulses().entries().size(), 1U);
+  EXPECT_EQ(world->hand_impulses().entries()[0].body, rtbus::kYieldingBodies);
+  EXPECT_NEAR(world->hand_impulses().entries()[0].impulse_n_s.x(), -force_n * kTickS, 1e-12);
+  for (int i = 0; i < 100; ++i) force_n = tick(0.001);
+  EXPECT_EQ(force_n, 0.0);
+}
+
+/// The tool of physics: on a spring like the hand's to where the proxy was, pushed with what the hand felt then.
+double settle(YieldingBodiesTest& test, double told_n_per_m) {
+  constexpr double kHand = -0.008;
+  test.world->reset({0.0, 0, 0});
+  double force_n = 0.0, tool_m = 0.0;
+  std::uint64_t sample_ns = test.now_ns;
+  test.world->take(soft(0.0, sample_ns, told_n_per_m), test.now_ns);
+  for (int step = 0; step < 20; ++step) {
+    for (int i = 0; i < 50; ++i) force_n = test.tick(kHand);
+    // The answer to the sample of a period ago.
+    if (step > 0) test.world->take(soft(tool_m, sample_ns, told_n_per_m), test.now_ns);
+    tool_m = (kHandN_m * test.world->position_m().x() - force_n) / (kHandN_m + kSoftN_m);
+    sample_ns = test.now_ns;
+  }
+  return force_n;
+}
+
+TEST_F(YieldingBodiesTest, AreFeltAsTheyAreWhateverStiffnessIsTold) {
+  const double due_n = 0.008 / (1.0 / kHandN_m + 1.0 / kSoftN_m);
+  for (const double told : {0.0, 0.5 * kSoftN_m, kSoftN_m, 2.0 * kSoftN_m, 100.0 * kSoftN_m}) {
+    EXPECT_NEAR(settle(*this, told), due_n, 1e-3 * due_n) << told;
+  }
+}
+
+TEST_F(YieldingBodiesTest, AreMetWhereTheyWillBe) {
+  // The tool goes on into the body at 0.02 m/s; a hand that does just that feels what is told for each instant.
+  ProxyContacts ahead = soft(-0.001, now_ns);
+  ahead.yields = 3;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double at_m = -0.001 - 0.05 * static_cast<double>(i) * 0.02;
+    ahead.yield_after_s[i] = 0.05 * static_cast<double>(i);
+    ahead.yield_tool_m[i] = {at_m, 0, 0};
+    ahead.yield_reaction_n[i] = {0.1 + 2.0 * static_cast<double>(i * i), 0, 0};  // no spring of any stiffness
+    ahead.yield_normal[i] = {1, 0, 0};
+  }
+  ahead.yield_stiffness_n_per_m = 1e4;  // the proxy goes with the tool
+  world->reset({-0.001, 0, 0});
+  world->take(ahead, now_ns);
+  double force_n = 0.0;
+  for (int i = 1; i <= 75; ++i) {
+    const double due_n = i <= 50 ? 0.1 + 0.04 * i : 2.1 + 0.12 * (i - 50);
+    force_n = tick(-0.001 - 2e-5 * i - due_n / kHandN_m, -0.02);
+  }
+  EXPECT_NEAR(force_n, 5.1, 0.15);
+}
+
+TEST_F(YieldingBodiesTest, HoldAcrossOnlyAsFarAsFrictionDoes) {
+  ProxyContacts told = soft(-0.01, now_ns);
+  told.yield_stiffness_across_n_per_m = kSoftN_m;
+  told.yield_friction = 0.1;
+  world->reset({-0.01, 0, 0});
+  world->take(told, now_ns);
+  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 100; ++i) force_n = tick(Eigen::Vector3d(-0.013, 0.0, 2e-4));
+  EXPECT_NEAR(force_n.x(), 0.9, 0.01);
+  EXPECT_NEAR(force_n.z(), -2e-4 / (1.0 / kSoftN_m + 1.0 / kHandN_m), 1e-3);
+  for (int i = 0; i < 100; ++i) force_n = tick(Eigen::Vector3d(-0.013, 0.0, 0.02));
+  EXPECT_NEAR(force_n.z(), -0.1 * force_n.x(), 1e-6);
+}
+
+TEST_F(YieldingBodiesTest, AnAnswerThatAgreesChangesNoForce) {
+  world->reset({0.0, 0, 0});
+  world->take(soft(0.0, now_ns), now_ns);
+  double before_n = 0.0;
+  for (int i = 0; i < 100; ++i) before_n = tick(-0.006);
+  world->take(soft(world->position_m().x(), now_ns), now_ns);
+  EXPECT_NEAR(tick(-0.006), before_n, 1e-3 * before_n);
+  ASSERT_TRUE(world->correction_m().has_value());
+  EXPECT_LT(*world->correction_m(), 1e-5);
+}
+
+TEST_F(YieldingBodiesTest, MakeNoEnergyPressedAndReleased) {
+  world->reset({0.0, 0, 0});
+  world->take(soft(0.0, now_ns), now_ns);
+  // Half a tick before and half a tick after it: what the hold of a tick gives is the loop's, and the passivity
+  // observer's.
+  const auto way_m = [](int i) { return -0.004 * (1.0 - std::cos(2.0 * M_PI * i / 400.0)); };
+  double put_in_j = 0.0, most_j = 0.0;
+  for (int i = 0; i < 400; ++i) {
+    const double moved_m = 0.5 * (way_m(i + 1) - way_m(i - 1));
+    put_in_j -= tick(way_m(i), moved_m / kTickS) * moved_m;
+    most_j = std::max(most_j, put_in_j);
+  }
+  EXPECT_GT(most_j, 1e-4);
+  EXPECT_GE(put_in_j, -1e-9);
+}
+
+TEST_F(YieldingBodiesTest, AreGoneWhenAnAnswerSaysSo) {
+  world->reset({0.0, 0, 0});
+  world->take(soft(0.0, now_ns), now_ns);
+  double force_n = 0.0;
+  for (int i = 0; i < 100; ++i) force_n = tick(-0.006);
+  ASSERT_GT(force_n, 0.1);
+  ProxyContacts nothing;
+  nothing.device_time_ns = now_ns;
+  nothing.step_s = kPhysicsS;
+  world->foresee({{-0.006, 0, 0}, Eigen::Vector3d::Zero(), kHandN_m, kHandNs_m}, now_ns + rtbus::kNsPerMs, kTickS);
+  world->take(nothing, now_ns + rtbus::kNsPerMs);
+  double before_n = force_n;
+  for (int i = 0; i < 300; ++i) {
+    force_n = tick(-0.006);
+    EXPECT_LE(force_n, before_n + 1e-9);
+    EXPECT_GT(force_n, before_n - 0.1);
+    before_n = force_n;
+  }
+  EXPECT_EQ(force_n, 0.0);
+}
+
+}  // namespace
