@@ -20,7 +20,7 @@ namespace haptic {
 /// what the safety ladder let through. One thread. @realtime Everything.
 class HandImpulses {
  public:
-  static constexpr std::size_t kHeld = rtbus::kContactSlots + 4;           ///< Places that may be held at a time.
+  static constexpr std::size_t kHeld = rtbus::kContactSlots + 5;           ///< Places that may be held at a time.
   static constexpr std::size_t kPlaces = kHeld + rtbus::kHandImpulseRows;  ///< Those, and what is still told.
 
   /// What the proxy gave to a body in the last step.

@@ -89,7 +89,7 @@ class LocalWorld {
   void felt(const Eigen::Vector3d& impulse_n_s) noexcept RTBUS_NONBLOCKING;
 
  private:
-  static_assert(HandImpulses::kHeld >= kBodies && HandImpulses::kMostEntries >= ProxyContactSet::kSolved + 1);
+  static_assert(HandImpulses::kHeld >= kBodies + 1 && HandImpulses::kMostEntries >= ProxyContactSet::kSolved + 1);
   static constexpr std::size_t kMostRows = HandImpulses::kMostEntries + SupportPool::kSupports;
 
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
