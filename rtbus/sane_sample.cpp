@@ -155,8 +155,7 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
       within(s.support_normal, kUnit, s.supports) && within(s.support_force_n, kForce_n, s.supports) &&
       within(s.support_friction, kScale, s.supports) && within(s.support_velocity_m_s, kVelocity_m_s, s.supports) &&
       within(s.support_inverse_mass_per_kg, kAny, s.supports);
-  const bool yields = std::is_sorted(s.yield_after_s.begin(), s.yield_after_s.begin() + s.yields) &&
-                      s.yield_stiffness_n_per_m >= 0.0 && within(s.yield_stiffness_n_per_m, kForce_n) &&
+  const bool yields = s.yield_stiffness_n_per_m >= 0.0 && within(s.yield_stiffness_n_per_m, kForce_n) &&
                       s.yield_stiffness_across_n_per_m >= 0.0 && within(s.yield_stiffness_across_n_per_m, kForce_n) &&
                       s.yield_friction >= 0.0 && within(s.yield_friction, kScale) &&
                       within(s.yield_after_s, kStep_s, s.yields) && within(s.yield_tool_m, kPosition_m, s.yields) &&

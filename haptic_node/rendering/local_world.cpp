@@ -102,7 +102,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
     if (body.used && !body.named && !contacts_.any_of(slot)) free_slot(slot);
   }
   if (answer.yields == 0 && !yielding_.near()) return;
-  const auto yields_m = yielding_.take(answer, proxy_.position_m, now_ns, Blend::of(tuning_, answer.step_s));
+  const auto yields_m = yielding_.take(answer, proxy_.position_m, now_ns, Blend::of_yielding(tuning_, answer.step_s));
   if (yields_m) correction_m_ = std::max(correction_m_.value_or(0.0), *yields_m);
   if (yielding_.near() && yielding_place_ == HandImpulses::kPlaces) {
     yielding_place_ = impulses_.hold(rtbus::kYieldingBodies);

@@ -32,6 +32,7 @@ T full() {
   if constexpr (std::is_same_v<T, ProxyContacts>) {
     sample.contacts = sample.bodies = kContactSlots;
     sample.supports = kSupportSlots;
+    sample.yields = kYieldSlots;
   }
   if constexpr (std::is_same_v<T, ContactPoints>) sample.count = kContactSlots;
   if constexpr (std::is_same_v<T, BodyPoses>) sample.count = sample.bodies = T::kBodies;

@@ -82,7 +82,10 @@ class OutsideWorld final : public physics::World {
     engine_->contacts(i, kReach_m, near);
     answer.tools[i].readout = engine_->proxy(i);
     answer.tools[i].set = true;
-    for (const physics::BodyBehind& body : near.bodies) helper_.state_of_bodies()[body.body].behind = body;
+    for (const physics::BodyBehind& body : near.bodies) {
+      helper_.state_of_bodies()[body.body].behind = body;
+      helper_.state_of_bodies()[body.body].pose = engine_->body_pose(body.body);
+    }
     for (physics::Contact contact : near.contacts) {
       contact.row = near.bodies[contact.row].body;
       answer.tools[i].contacts.push_back(contact);

@@ -142,7 +142,7 @@ void HostilePhysics::lie_about_contacts(const rtbus::DeviceState& hand, const Ve
   }
   fill_bodies(surface_m_s, out);
   fill_supports(out);
-  if (plan_.compliance_m_per_n > 0.0) fill_yields(proxy_m, normal, out);
+  if (plan_.compliance_m_per_n > 0.0 && plan_.kinematic_share < 1.0) fill_yields(proxy_m, normal, out);
 }
 
 void HostilePhysics::fill_contact(std::size_t row, const Vector3d& proxy_m, const Vector3d& normal,

@@ -46,7 +46,8 @@ struct HostilePlan {
   double jump_m = 0.0;           ///< Gaps jump by up to this.
   double friction = 0.3;
   double inverse_mass_per_kg = 1.0;
-  double compliance_m_per_n = 0.0;
+  double compliance_m_per_n =
+      0.0;                    ///< Unless all bodies are kinematic something yields, 1 over this stiff. 0: nothing.
   double rename_share = 0.0;  ///< Of answers in which the bodies have other numbers.
   int contacts = 1;
   int supports = 0;
