@@ -23,7 +23,7 @@ namespace physics::bullet {
 /// bodies changed of its velocity, so that it stands where the nodes have made room for it.
 ///
 /// The tool of a placed proxy meets the nodes in the same way. What it bears is told (tool_reaction()) for now, and for
-/// later: copies of the near bodies go on with the tool held on its way (ToolAhead). A second course beside that one
+/// later: copies of the near bodies go on with the tool as it goes (ToolAhead). A second course beside that one
 /// measures the stiffness. contacts() lists the nearest node of each near soft body after the rigid bodies, and numbers
 /// it after them.
 ///

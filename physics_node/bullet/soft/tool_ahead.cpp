@@ -7,8 +7,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// It is held so stiffly: softer than the steps of contacts would be (of a hand that presses 1 N, 0.05 mm).
-constexpr double kHolds_n_per_m = 20e3;
 constexpr double kMass_kg = 1e-6;  ///< It has that of its spring alone.
 
 ProxyParameters parameters_of(double friction) {

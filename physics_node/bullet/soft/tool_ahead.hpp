@@ -10,7 +10,7 @@
 
 namespace physics::bullet {
 
-/// The tool is held: it goes where it is told, whatever it bears. The real bodies are not touched.
+/// The tool is on its spring, as the real one is. The real bodies are not touched.
 class ToolAhead {
  public:
   /// @param radius_m Of the tool.
@@ -20,8 +20,7 @@ class ToolAhead {
   void start(const std::vector<const MadeSoftBody*>& near, const Eigen::Vector3d& tool_m,
              const Eigen::Vector3d& velocity_m_s);
 
-  /// One step of `h` seconds, at whose end the tool is at `tool_m` unless it is pressed away, which `collide` prevents
-  /// nobody from seeing: it adds the contacts of a copy with the tool and with what stands.
+  /// One step of `h` seconds towards `target`. `collide` adds the contacts of a copy with the tool and with what stands.
   void step(double h, const ProxyTarget& target, const std::function<void(MadeSoftBody&, BulletProxy&)>& collide);
 
   /// Place of the tool, and what it bore in the last step.

@@ -172,7 +172,7 @@ TEST(SoftContacts, ForetellWhatTheToolWillBear) {
   physics::ToolReaction told;
   world->tool_reaction(0, 0.05, kAhead_s, velocity_m_s, told);
   ASSERT_EQ(told.count, 3U);
-  Vector3d reaction_n = Vector3d::Zero(), tool_m = Vector3d::Zero();
+  Vector3d reaction_n = Vector3d::Zero();
   const double half_s = 0.5 * told.instants[1].after_s;
   int count = 0;
   for (double t = kStep_s; t <= told.instants[1].after_s + half_s; t += kStep_s) {
