@@ -77,6 +77,7 @@ struct Support {
 /// if it goes on as it goes.
 struct ToolReaction {
   static constexpr std::size_t kInstants = 3;
+  /// One instant of it.
   struct Instant {
     double after_s = 0.0;                                  ///< After the end of the last step.
     Eigen::Vector3d tool_m = Eigen::Vector3d::Zero();      ///< Where the tool is then.

@@ -20,7 +20,8 @@ class ToolAhead {
   void start(const std::vector<const MadeSoftBody*>& near, const Eigen::Vector3d& tool_m,
              const Eigen::Vector3d& velocity_m_s);
 
-  /// One step of `h` seconds towards `target`. `collide` adds the contacts of a copy with the tool and with what stands.
+  /// One step of `h` seconds towards `target`. `collide` adds the contacts of a copy with the tool and with what
+  /// stands.
   void step(double h, const ProxyTarget& target, const std::function<void(MadeSoftBody&, BulletProxy&)>& collide);
 
   /// Place of the tool, and what it bore in the last step.
