@@ -78,8 +78,8 @@ TEST(ContactSolver, PassesAPushThroughABody) {
   contacts[1].a = 1;
   contacts[1].normal = Vector3d::UnitZ();
   solve_contacts(bodies, contacts, 2, 12);
-  EXPECT_NEAR(bodies[0].velocity_m_s.z(), 0.0, 1e-8);
-  EXPECT_NEAR(bodies[1].velocity_m_s.z(), 0.0, 1e-8);
+  EXPECT_NEAR(bodies[0].velocity_m_s.z(), 0.0, haptic::kTolerance_m_s);
+  EXPECT_NEAR(bodies[1].velocity_m_s.z(), 0.0, haptic::kTolerance_m_s);
   EXPECT_NEAR(contacts[0].normal_n_s, 0.002, 1e-10);
   EXPECT_NEAR(contacts[1].normal_n_s, 0.002, 1e-10);
 }
