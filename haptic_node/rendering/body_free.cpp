@@ -23,6 +23,8 @@ constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
 constexpr double kFar_m = 1.0;
 /// A corner that has sunk in comes out by this part of its depth in a step, at most at this speed.
 constexpr double kOut = 0.2, kOut_m_s = 0.05;
+/// Corners of a body that has moved and turned by less since they were found are the same ones.
+constexpr double kSameCorners_m = 1e-3, kSameCorners_rad = 5e-3;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
@@ -68,6 +70,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
   ball_ = is_ball(told);
   supported_ = rocks_ = false;
+  const std::span before(old.rows.data() + first_support_, lies_ ? support_count_ : 0);
   lies_ = false;
   const bool heavy = inverse_mass_per_kg_ * since.proxy_kg * kHeavy < 1.0;
   const auto* const known =
@@ -91,7 +94,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      if (!lie_on_faces(since.shapes, motion, supports)) stand_on(since.tuning, supports, motion);
+      if (!lie_on_faces(since.shapes, motion, supports, before)) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -141,9 +144,12 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
 
 /// A box or a hull whose supports are all on planes and boxes that are known lies there with its corners, or with those
 /// of what holds it. It tips, turns and slides off as they push.
-bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports) noexcept {
+/// @param before Its supports so far, if it lay so then: what they bore is what its corners begin with.
+bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports,
+                            std::span<const Support> before) noexcept {
   if (box_ == nullptr && hull_ == nullptr) return false;
   std::array<Support, kFaces> held;
+  std::array<rtbus::shapes::FacePoints, kFaces> found;
   face_count_ = 0;
   for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
     const Support& told = supports.rows[i];
@@ -160,6 +166,7 @@ bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion,
     }
     if (face_count_ == kFaces) return false;
     held[face] = told;
+    found[face] = corners;
     faces_[face_count_++] = {holder, nearest_m(corners, 0.0)};
   }
   const std::size_t more = kCorners * face_count_ - std::min(support_count_, kCorners * face_count_);
@@ -173,7 +180,11 @@ bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion,
     corner.impulse_n_s /= kCorners;
     corner.velocity_m_s.setZero();
     corner.torsion_radius_m = corner.torsion_n_m_s = 0.0;
-    for (std::size_t k = 0; k < kCorners; ++k) supports.rows[supports.count++] = corner;
+    for (std::size_t k = 0; k < kCorners; ++k) {
+      if (before.size() == kCorners * face_count_) corner.impulse_n_s = before[kCorners * i + k].impulse_n_s;
+      supports.rows[supports.count++] = corner;
+    }
+    put_corners(i, found[i], motion.centre_m, supports);
   }
   support_count_ = supports.count - first_support_;
   return true;
@@ -190,14 +201,19 @@ void FreeBody::find_corners(const Vector3d& centre_m, const Quaterniond& q_WB, S
   for (std::size_t i = 0; i < face_count_; ++i) {
     rtbus::shapes::FacePoints corners;
     (void)corners_on(*faces_[i].holder, centre_m, q_WB, corners);
-    for (std::size_t k = 0; k < kCorners; ++k) {
-      Support& support = supports.rows[first_support_ + kCorners * i + k];
-      support.gap_m = kFar_m;
-      if (k >= corners.count) continue;
-      support.from_centre_m = corners.point_m[k] - centre_m;
-      support.normal = corners.normal;
-      support.gap_m = corners.gap_m[k] - faces_[i].rest_gap_m;
-    }
+    put_corners(i, corners, centre_m, supports);
+  }
+}
+
+void FreeBody::put_corners(std::size_t face, const rtbus::shapes::FacePoints& corners, const Vector3d& centre_m,
+                           SupportPool& supports) const noexcept {
+  for (std::size_t k = 0; k < kCorners; ++k) {
+    Support& support = supports.rows[first_support_ + kCorners * face + k];
+    support.gap_m = kFar_m;
+    if (k >= corners.count) continue;
+    support.from_centre_m = corners.point_m[k] - centre_m;
+    support.normal = corners.normal;
+    support.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m;
   }
 }
 
@@ -248,12 +264,12 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   SolverContact* const rows = since.scratch;
   std::size_t count = 0;
   if (inverse_mass_per_kg_ > 0.0) {
-    if (lies_) find_corners(motion.centre_m, motion.q_WB, supports);
     for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
       SolverContact& row = rows[count++];
       row = row_of(supports.rows[i], h);
       row.softness_per_kg *= tick_s / h;  // gives way as fast as it does tick by tick
-      row.impulse_n_s = supports.rows[i].force_n * h * supports.rows[i].normal;
+      row.impulse_n_s = lies_ ? Vector3d(h / since.tick_s * supports.rows[i].impulse_n_s)
+                              : Vector3d(supports.rows[i].force_n * h * supports.rows[i].normal);
       row.torsion_n_m_s = 0.0;
     }
   }
@@ -261,28 +277,43 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   const Matrix3d inverse_inertia = body.inverse_inertia_per_kg_m2;
   if (!lies_) prepare_contacts(&body, rows, count);
   Quaterniond turned = Quaterniond::Identity();
+  // Where its corners were found last.
+  Vector3d found_m = motion.centre_m;
+  Quaterniond found_turned = turned;
   for (int part = 1; part <= since.parts; ++part) {
     const std::uint64_t until_ns =
         from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
     Impulse after = since.given_at(until_ns);
     after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
     if (lies_) {
-      const Matrix3d R = turned.toRotationMatrix();
-      body.inverse_inertia_per_kg_m2 = R * inverse_inertia * R.transpose();
-      if (part > 1) find_corners(motion.centre_m, turned * motion.q_WB, supports);
+      const Vector3d moved_m = motion.centre_m - found_m;
+      const Vector3d turned_rad = 2.0 * (turned * found_turned.conjugate()).vec();  // of a small angle
+      const bool far = moved_m.norm() > kSameCorners_m || turned_rad.norm() > kSameCorners_rad;
+      if (far) {
+        find_corners(motion.centre_m, turned * motion.q_WB, supports);
+        found_m = motion.centre_m;
+        found_turned = turned;
+      }
       for (std::size_t i = 0; i < count; ++i) {
         const Support& support = supports.rows[first_support_ + i];
+        const double gap_m =
+            support.gap_m + (far ? 0.0 : support.normal.dot(moved_m + turned_rad.cross(support.from_centre_m)));
         rows[i].normal = support.normal;
         rows[i].from_a_m = support.from_centre_m;
-        rows[i].closing_m_s = closing_m_s(support, h);
+        rows[i].closing_m_s = closing_m_s(gap_m, h);
       }
-      prepare_contacts(&body, rows, count);
+      if (far || part == 1) {
+        const Matrix3d R = turned.toRotationMatrix();
+        body.inverse_inertia_per_kg_m2 = R * inverse_inertia * R.transpose();
+        prepare_contacts(&body, rows, count);
+      }
     }
     SolverBody next = body;
     next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
     next.angular_velocity_rad_s +=
         next.inverse_inertia_per_kg_m2 * (h * torque_n_m_ + after.angular_n_m_s - before.angular_n_m_s);
-    if (count > 0) relax_contacts(&next, rows, count, since.tuning.most_sweeps());
+    // Every part goes on from what the one before it found, the first from the tick before.
+    if (count > 0) relax_contacts(&next, rows, count, since.tuning.fewest_sweeps());
     // Impulses came evenly over the part, each at the beginning of its tick.
     const Vector3d faster_m_s = next.velocity_m_s - body.velocity_m_s;
     motion.centre_m += h * (body.velocity_m_s + 0.5 * faster_m_s) + 0.5 * tick_s * faster_m_s;
@@ -312,8 +343,8 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   return turned;
 }
 
-double FreeBody::closing_m_s(const Support& support, double h) noexcept {
-  return support.gap_m >= 0.0 ? support.gap_m / h : std::max(kOut * support.gap_m / h, -kOut_m_s);
+double FreeBody::closing_m_s(double gap_m, double h) noexcept {
+  return gap_m >= 0.0 ? gap_m / h : std::max(kOut * gap_m / h, -kOut_m_s);
 }
 
 SolverContact FreeBody::row_of(const Support& support, double h) const noexcept {
@@ -323,7 +354,7 @@ SolverContact FreeBody::row_of(const Support& support, double h) const noexcept 
   row.surface_velocity_m_s = support.velocity_m_s;
   row.friction = support.friction;
   row.torsion_radius_m = support.torsion_radius_m;
-  row.closing_m_s = closing_m_s(support, h);
+  row.closing_m_s = closing_m_s(support.gap_m, h);
   row.softness_per_kg = softness_per_kg_;
   row.expected_n_s = support.force_n * h;
   row.impulse_n_s = support.impulse_n_s;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -67,16 +68,19 @@ class FreeBody {
  private:
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
-  [[nodiscard]] bool lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports) noexcept;
+  [[nodiscard]] bool lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports,
+                                  std::span<const Support> before) noexcept;
   /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
   bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
                   const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
   /// The corners of all faces, where the body is now.
   void find_corners(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
                     SupportPool& supports) const noexcept;
+  void put_corners(std::size_t face, const rtbus::shapes::FacePoints& corners, const Eigen::Vector3d& centre_m,
+                   SupportPool& supports) const noexcept;
   void stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept;
   Eigen::Quaterniond resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept;
-  [[nodiscard]] static double closing_m_s(const Support& support, double h) noexcept;
+  [[nodiscard]] static double closing_m_s(double gap_m, double h) noexcept;
   [[nodiscard]] SolverContact row_of(const Support& support, double h) const noexcept;
   [[nodiscard]] SolverBody solver_body(const BodyMotion& motion) const noexcept {
     return {motion.velocity_m_s, motion.angular_velocity_rad_s, inverse_mass_per_kg_, inverse_inertia_per_kg_m2_};

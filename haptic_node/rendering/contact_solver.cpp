@@ -7,25 +7,41 @@
 namespace haptic {
 namespace {
 
-using Eigen::Matrix3d;
+using Eigen::Vector2d;
 using Eigen::Vector3d;
+using Direction = SolverContact::Direction;
 
-/// What an impulse at `r` does to the velocity there.
-Matrix3d inverse_mass_at(const SolverBody& body, const Vector3d& r) noexcept {
-  if (body.inverse_inertia_per_kg_m2.isZero(0.0)) return body.inverse_mass_per_kg * Matrix3d::Identity();
-  Matrix3d cross;
-  cross << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
-  return body.inverse_mass_per_kg * Matrix3d::Identity() - cross * body.inverse_inertia_per_kg_m2 * cross;
+/// As Eigen's product, which GCC 12 does not write in line.
+Vector3d times(const Eigen::Matrix3d& m, const Vector3d& v) noexcept {
+  return m.col(0) * v.x() + m.col(1) * v.y() + m.col(2) * v.z();
 }
 
-void push(SolverBody& body, const Vector3d& r, const Vector3d& impulse) noexcept {
-  body.velocity_m_s += body.inverse_mass_per_kg * impulse;
-  body.angular_velocity_rad_s += body.inverse_inertia_per_kg_m2 * r.cross(impulse);
+void prepare(const SolverBody* bodies, const SolverContact& contact, const Vector3d& along, Direction& out) noexcept {
+  out.along = along;
+  out.arm_a = contact.from_a_m.cross(along);
+  out.turn_a_per_kg_m = times(bodies[contact.a].inverse_inertia_per_kg_m2, out.arm_a);
+  if (contact.b < 0) return;
+  out.arm_b = contact.from_b_m.cross(along);
+  out.turn_b_per_kg_m = times(bodies[contact.b].inverse_inertia_per_kg_m2, out.arm_b);
 }
 
-void push(SolverBody* bodies, const SolverContact& contact, const Vector3d& impulse) noexcept {
-  push(bodies[contact.a], contact.from_a_m, impulse);
-  if (contact.b >= 0) push(bodies[contact.b], contact.from_b_m, -impulse);
+/// The velocity along `felt` that a unit impulse along `pushed` makes.
+double inverse_mass(const SolverBody* bodies, const SolverContact& contact, const Direction& pushed,
+                    const Direction& felt) noexcept {
+  const double along = pushed.along.dot(felt.along);
+  double out = along * bodies[contact.a].inverse_mass_per_kg + felt.arm_a.dot(pushed.turn_a_per_kg_m);
+  if (contact.b >= 0) out += along * bodies[contact.b].inverse_mass_per_kg + felt.arm_b.dot(pushed.turn_b_per_kg_m);
+  return out;
+}
+
+void push(SolverBody* bodies, const SolverContact& contact, const Direction& direction, double impulse_n_s) noexcept {
+  SolverBody& a = bodies[contact.a];
+  a.velocity_m_s += (a.inverse_mass_per_kg * impulse_n_s) * direction.along;
+  a.angular_velocity_rad_s += impulse_n_s * direction.turn_a_per_kg_m;
+  if (contact.b < 0) return;
+  SolverBody& b = bodies[contact.b];
+  b.velocity_m_s -= (b.inverse_mass_per_kg * impulse_n_s) * direction.along;
+  b.angular_velocity_rad_s -= impulse_n_s * direction.turn_b_per_kg_m;
 }
 
 void spin(SolverBody* bodies, const SolverContact& contact, double impulse) noexcept {
@@ -36,26 +52,30 @@ void spin(SolverBody* bodies, const SolverContact& contact, double impulse) noex
   b.angular_velocity_rad_s -= b.inverse_inertia_per_kg_m2 * (contact.normal * impulse);
 }
 
-Vector3d slip(const SolverBody* bodies, const SolverContact& contact) noexcept {
+double slip_m_s(const SolverBody* bodies, const SolverContact& contact, const Direction& direction) noexcept {
   const SolverBody& a = bodies[contact.a];
-  const Vector3d velocity_a = a.velocity_m_s + a.angular_velocity_rad_s.cross(contact.from_a_m);
-  if (contact.b < 0) return velocity_a - contact.surface_velocity_m_s;
-  const SolverBody& b = bodies[contact.b];
-  return velocity_a - contact.surface_velocity_m_s - b.velocity_m_s - b.angular_velocity_rad_s.cross(contact.from_b_m);
+  Vector3d velocity_m_s = a.velocity_m_s - contact.surface_velocity_m_s;
+  double turning_m_s = direction.arm_a.dot(a.angular_velocity_rad_s);
+  if (contact.b >= 0) {
+    const SolverBody& b = bodies[contact.b];
+    velocity_m_s -= b.velocity_m_s;
+    turning_m_s -= direction.arm_b.dot(b.angular_velocity_rad_s);
+  }
+  return direction.along.dot(velocity_m_s) + turning_m_s;
 }
 
 void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
-  Matrix3d W = inverse_mass_at(bodies[contact.a], contact.from_a_m);
-  if (contact.b >= 0) W += inverse_mass_at(bodies[contact.b], contact.from_b_m);
-  contact.inverse_mass_normal_per_kg = contact.normal.dot(W * contact.normal);
+  auto& [normal, first, second] = contact.directions;
+  prepare(bodies, contact, contact.normal, normal);
+  contact.inverse_mass_normal_per_kg = inverse_mass(bodies, contact, normal, normal);
   contact.inertia_torsion_kg_m2 = 0.0;
   if (contact.friction <= 0.0) return;
-  contact.tangent[0] = contact.normal.unitOrthogonal();
-  contact.tangent[1] = contact.normal.cross(contact.tangent[0]);
-  const Vector3d along = W * contact.tangent[0];
-  const double w00 = contact.tangent[0].dot(along);
-  const double w01 = contact.tangent[1].dot(along);
-  const double w11 = contact.tangent[1].dot(W * contact.tangent[1]);
+  const Vector3d tangent = contact.normal.unitOrthogonal();
+  prepare(bodies, contact, tangent, first);
+  prepare(bodies, contact, contact.normal.cross(tangent), second);
+  const double w00 = inverse_mass(bodies, contact, first, first);
+  const double w01 = inverse_mass(bodies, contact, first, second);
+  const double w11 = inverse_mass(bodies, contact, second, second);
   const double determinant = w00 * w11 - w01 * w01;
   if (determinant > 0.0) {
     contact.mass_tangent_kg << w11, -w01, -w01, w00;
@@ -63,7 +83,7 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   } else {
     contact.mass_tangent_kg.setZero();
   }
-  const double largest = 0.5 * (w00 + w11) + std::hypot(0.5 * (w00 - w11), w01);
+  const double largest = 0.5 * (w00 + w11) + std::sqrt(0.25 * (w00 - w11) * (w00 - w11) + w01 * w01);
   contact.least_mass_tangent_kg = largest > 0.0 ? 1.0 / largest : 0.0;
   if (contact.torsion_radius_m <= 0.0) return;
   double about_normal = contact.normal.dot(bodies[contact.a].inverse_inertia_per_kg_m2 * contact.normal);
@@ -81,8 +101,9 @@ double advance_impulse(const SolverContact& contact) noexcept {
 /// One contact in turn. @returns how much the velocities there have changed.
 double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   if (contact.inverse_mass_normal_per_kg <= 0.0) return 0.0;
+  const auto& [along_normal, first, second] = contact.directions;
   const double soft = contact.softness_per_kg;
-  const double normal_velocity = contact.normal.dot(slip(bodies, contact)) + contact.closing_m_s +
+  const double normal_velocity = slip_m_s(bodies, contact, along_normal) + contact.closing_m_s +
                                  soft * (contact.normal_n_s - contact.expected_n_s);
   double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal_per_kg + soft));
   if (const double least = advance_impulse(contact); normal < least) {
@@ -93,29 +114,25 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const double step = normal - contact.normal_n_s;
   double change = std::abs(step) * contact.inverse_mass_normal_per_kg;
   if (step != 0.0) {
-    push(bodies, contact, step * contact.normal);
-    contact.impulse_n_s += step * contact.normal;
+    push(bodies, contact, along_normal, step);
     contact.normal_n_s = normal;
   }
 
   if (contact.friction <= 0.0) return change;
   const double cone = contact.friction * (normal + contact.held_n_s);
-  const Vector3d tangential = contact.impulse_n_s - contact.normal_n_s * contact.normal;
-  if (cone <= 0.0 && tangential.isZero(0.0) && contact.torsion_n_m_s == 0.0) return change;
-  const Vector3d u = slip(bodies, contact);
-  const Eigen::Vector2d slip2(contact.tangent[0].dot(u), contact.tangent[1].dot(u));
-  const Eigen::Vector2d before(contact.tangent[0].dot(tangential), contact.tangent[1].dot(tangential));
-  Eigen::Vector2d after = before - contact.mass_tangent_kg * slip2;
+  const Vector2d before = contact.tangent_n_s;
+  if (cone <= 0.0 && before.isZero(0.0) && contact.torsion_n_m_s == 0.0) return change;
+  const Vector2d slip(slip_m_s(bodies, contact, first), slip_m_s(bodies, contact, second));
+  Vector2d after = before - contact.mass_tangent_kg * slip;
   if (after.squaredNorm() > cone * cone) {
     // What slides is braked against its slip. The matrix, which finds what sticks in one step, would turn that.
-    after = before - contact.least_mass_tangent_kg * slip2;
+    after = before - contact.least_mass_tangent_kg * slip;
     if (const double length = after.norm(); length > cone) after *= length > 0.0 ? cone / length : 0.0;
   }
-  const Vector3d correction =
-      contact.tangent[0] * (after.x() - before.x()) + contact.tangent[1] * (after.y() - before.y());
-  push(bodies, contact, correction);
-  contact.impulse_n_s =
-      contact.normal_n_s * contact.normal + contact.tangent[0] * after.x() + contact.tangent[1] * after.y();
+  const Vector2d correction = after - before;
+  push(bodies, contact, first, correction.x());
+  push(bodies, contact, second, correction.y());
+  contact.tangent_n_s = after;
   change = std::max(change, correction.cwiseAbs().maxCoeff() * contact.inverse_mass_normal_per_kg);
 
   if (contact.inertia_torsion_kg_m2 > 0.0) {
@@ -129,6 +146,29 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   return change;
 }
 
+/// Takes the impulse apart, and lets it act. The normal may have turned since the last step.
+void begin(SolverBody* bodies, SolverContact& contact) noexcept {
+  const auto& [normal, first, second] = contact.directions;
+  contact.normal_n_s = std::max(0.0, contact.normal.dot(contact.impulse_n_s));
+  contact.tangent_n_s.setZero();
+  push(bodies, contact, normal, contact.normal_n_s);
+  if (contact.friction <= 0.0) {
+    contact.torsion_n_m_s = 0.0;
+    return;
+  }
+  contact.tangent_n_s = {first.along.dot(contact.impulse_n_s), second.along.dot(contact.impulse_n_s)};
+  push(bodies, contact, first, contact.tangent_n_s.x());
+  push(bodies, contact, second, contact.tangent_n_s.y());
+  if (contact.torsion_n_m_s != 0.0) spin(bodies, contact, contact.torsion_n_m_s);
+}
+
+void end(SolverContact& contact) noexcept {
+  const auto& [normal, first, second] = contact.directions;
+  contact.impulse_n_s = contact.normal_n_s * normal.along;
+  if (contact.friction <= 0.0) return;
+  contact.impulse_n_s += contact.tangent_n_s.x() * first.along + contact.tangent_n_s.y() * second.along;
+}
+
 }  // namespace
 
 void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept {
@@ -136,17 +176,7 @@ void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::si
 }
 
 int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps) noexcept {
-  for (std::size_t i = 0; i < count; ++i) {
-    SolverContact& contact = contacts[i];
-    // The normal may have turned since the last step.
-    contact.normal_n_s = std::max(0.0, contact.normal.dot(contact.impulse_n_s));
-    if (contact.friction <= 0.0) {
-      contact.impulse_n_s = contact.normal_n_s * contact.normal;
-      contact.torsion_n_m_s = 0.0;
-    }
-    push(bodies, contact, contact.impulse_n_s);
-    spin(bodies, contact, contact.torsion_n_m_s);
-  }
+  for (std::size_t i = 0; i < count; ++i) begin(bodies, contacts[i]);
   int sweeps = 0;
   while (sweeps < max_sweeps) {
     ++sweeps;
@@ -154,6 +184,7 @@ int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
     for (std::size_t i = 0; i < count; ++i) change = std::max(change, relax(bodies, contacts[i]));
     if (change <= kTolerance_m_s) break;
   }
+  for (std::size_t i = 0; i < count; ++i) end(contacts[i]);
   return sweeps;
 }
 

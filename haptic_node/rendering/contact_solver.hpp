@@ -39,12 +39,20 @@ struct SolverContact {
   double torsion_radius_m = 0.0;  ///< A patch of this radius also resists spin about the normal; 0: a point.
 
   Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On `a`. In: the last step's; out: the solution.
-  double normal_n_s = 0.0;                                ///< Its normal part.
+  double normal_n_s = 0.0;                                ///< Its normal part …
+  Eigen::Vector2d tangent_n_s = Eigen::Vector2d::Zero();  ///< … and those along the tangents.
   double torsion_n_m_s = 0.0;                             ///< On `a`, about the normal.
 
+  /// What an impulse along one direction does to both bodies.
+  struct Direction {
+    Eigen::Vector3d along = Eigen::Vector3d::Zero();  ///< Unit.
+    /// Of the impulse, about the centres.
+    Eigen::Vector3d arm_a = Eigen::Vector3d::Zero(), arm_b = Eigen::Vector3d::Zero();
+    Eigen::Vector3d turn_a_per_kg_m = Eigen::Vector3d::Zero(), turn_b_per_kg_m = Eigen::Vector3d::Zero();
+  };
   // Made by prepare_contacts().
+  std::array<Direction, 3> directions{};  ///< The normal, and two tangents where there is friction.
   double inverse_mass_normal_per_kg = 0.0;
-  std::array<Eigen::Vector3d, 2> tangent{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   Eigen::Matrix2d mass_tangent_kg = Eigen::Matrix2d::Zero();
   double least_mass_tangent_kg = 0.0;
   double inertia_torsion_kg_m2 = 0.0;
@@ -55,7 +63,7 @@ struct SolverContact {
 /// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
 /// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than kTolerance_m_s.
 /// @returns the sweeps made. @realtime Yes.
-inline constexpr double kTolerance_m_s = 1e-6;
+inline constexpr double kTolerance_m_s = 3e-5;
 int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
                    int max_sweeps) noexcept RTBUS_NONBLOCKING;
 

@@ -283,6 +283,7 @@ void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   proxy.velocity_m_s = (damped.stiffness_n_per_m * (damped.goal_m - proxy_.position_m) +
                         damped.damping_n_s_per_m * damped.goal_velocity_m_s) /
                        lag;
+  proxy.angular_velocity_rad_s.setZero();
   proxy_kg_ = h * lag_of(spring, h);
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 }
@@ -301,7 +302,7 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
   foreseen_n_s_.reset();
   begin_tick(spring, sample_ns, h);
   if (lag_of(spring, h) <= 0.0) return;
-  const ProxyContactSet contacts = contacts_;
+  contacts_.keep();
   contacts_.blend(bodies_, h);
   pull_proxy(spring, h);
   Vector3d sum_n_s = Vector3d::Zero();
@@ -310,7 +311,7 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
     sum_n_s += yielding_.impulse_n_s(rows_.data());
   }
   if (sum_n_s.allFinite()) foreseen_n_s_ = sum_n_s;
-  contacts_ = contacts;
+  contacts_.bring_back();
 }
 
 /// The force goes from what it would have been without the answer to what it is with it, no faster than a surface that

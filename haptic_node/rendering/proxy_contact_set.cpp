@@ -350,6 +350,16 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
   return count;
 }
 
+void ProxyContactSet::keep() noexcept {
+  kept_count_ = count_;
+  std::copy_n(contacts_.begin(), count_, kept_.begin());
+}
+
+void ProxyContactSet::bring_back() noexcept {
+  count_ = kept_count_;
+  std::copy_n(kept_.begin(), count_, contacts_.begin());
+}
+
 void ProxyContactSet::advance(double h) noexcept {
   for (std::size_t i = 0; i < count_; ++i) contacts_[i].offset_m -= h * contacts_[i].normal.dot(contacts_[i].late_m_s);
 }

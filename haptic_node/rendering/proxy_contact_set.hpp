@@ -96,6 +96,10 @@ class ProxyContactSet {
   /// At the end of a step.
   void advance(double h) noexcept RTBUS_NONBLOCKING;
 
+  /// A step that is only tried begins with keep() and ends with bring_back().
+  void keep() noexcept RTBUS_NONBLOCKING;
+  void bring_back() noexcept RTBUS_NONBLOCKING;
+
  private:
   [[nodiscard]] static double gap_of(const Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept;
   static void roll(Contact& contact, Bodies bodies, const LocalProxy& proxy) noexcept;
@@ -121,6 +125,8 @@ class ProxyContactSet {
   std::array<Contact, kContacts> contacts_{};
   std::size_t count_ = 0;
   std::array<Contact, kContacts> old_;  ///< Before what is being found anew.
+  std::array<Contact, kContacts> kept_{};
+  std::size_t kept_count_ = 0;
   std::array<std::size_t, kSolved> row_source_{};
 };
 
