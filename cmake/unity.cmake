@@ -1,6 +1,6 @@
 # Unity builds: the files of one folder are compiled together, at most RTBUS_UNITY_BATCH at a time. Headers are then read
 # once per batch: a third of the CPU time (docs/performance.md). One change recompiles a batch, and a missing include can
-# hide: while developing, and in CI beside the release preset, builds go without (preset dev).
+# hide: builds while developing go without (preset dev), and in CI .ci/tidy looks at each changed source by itself.
 option(RTBUS_UNITY "Compile the files of a folder together: faster from scratch, slower after a change" OFF)
 if(RTBUS_UNITY)
   # GCC warns of types of unnamed namespaces in files that are included, which here are the sources.

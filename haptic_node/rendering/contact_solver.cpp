@@ -175,22 +175,24 @@ void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::si
   for (std::size_t i = 0; i < count; ++i) prepare(bodies, contacts[i]);
 }
 
-int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps) noexcept {
+int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
+                   double tolerance_m_s) noexcept {
   for (std::size_t i = 0; i < count; ++i) begin(bodies, contacts[i]);
   int sweeps = 0;
   while (sweeps < max_sweeps) {
     ++sweeps;
     double change = 0.0;
     for (std::size_t i = 0; i < count; ++i) change = std::max(change, relax(bodies, contacts[i]));
-    if (change <= kTolerance_m_s) break;
+    if (change <= tolerance_m_s) break;
   }
   for (std::size_t i = 0; i < count; ++i) end(contacts[i]);
   return sweeps;
 }
 
-int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps) noexcept {
+int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
+                   double tolerance_m_s) noexcept {
   prepare_contacts(bodies, contacts, count);
-  return relax_contacts(bodies, contacts, count, max_sweeps);
+  return relax_contacts(bodies, contacts, count, max_sweeps, tolerance_m_s);
 }
 
 }  // namespace haptic

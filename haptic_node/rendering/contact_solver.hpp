@@ -61,16 +61,15 @@ struct SolverContact {
 /// Projected Gauss-Seidel, J. J. Moreau's sweeping process in impulses (M. Jean, "The non-smooth contact dynamics
 /// method", CMAME 177, 1999): each contact in turn gets the normal impulse ≥ 0 that keeps its gap, and the tangential
 /// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
-/// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than kTolerance_m_s.
+/// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than `tolerance_m_s`.
 /// @returns the sweeps made. @realtime Yes.
-inline constexpr double kTolerance_m_s = 3e-5;
-int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
-                   int max_sweeps) noexcept RTBUS_NONBLOCKING;
+int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
+                   double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 
 /// The two parts of it, for several solutions in a row: the first depends on masses and geometry alone, the second also
 /// on velocities, forces and what `contacts` begins with. @realtime Yes.
 void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
-int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count,
-                   int max_sweeps) noexcept RTBUS_NONBLOCKING;
+int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
+                   double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 
 }  // namespace haptic

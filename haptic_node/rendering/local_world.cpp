@@ -294,7 +294,7 @@ std::size_t LocalWorld::solve(double h) noexcept {
   if (rows == 0) return 0;
   const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows), tuning_.fewest_sweeps(),
                                 tuning_.most_sweeps());
-  solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps);
+  solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps, kTolerance_m_s);
   return rows;
 }
 

@@ -19,8 +19,6 @@ constexpr double kRounding = 1e-12;
 constexpr std::size_t kBounded = 256;
 /// Normals that are farther from an axis leave nothing out.
 constexpr double kWide = 0.1;
-/// So many triangles wait to be looked at; each leaf has fewer.
-constexpr std::size_t kWaiting = 64;
 /// For floats, and for what counts as a minimum within rounding.
 constexpr double kCosineMargin = 1e-5;
 
@@ -103,56 +101,9 @@ Surface::Surface(const std::vector<Vector3d>& vertices_m, const std::vector<std:
     const auto& [a, b, c] = triangle.corner;
     if (has_area(a, b, c)) triangles_.push_back(triangle);  // else its edges are those of its neighbours
   }
-  if (triangles_.empty()) return;
-  arrange(0, triangles_.size());
-  number_vertices();
   Normals normals;
   find_neighbours(normals);
-  build(0, triangles_.size(), normals);
-}
-
-Surface::Bounds Surface::bounds_of(std::size_t first, std::size_t count) const {
-  Bounds out{triangles_[first].corner[0], triangles_[first].corner[0]};
-  for (std::size_t i = first; i < first + count; ++i) {
-    for (const Vector3d& corner : triangles_[i].corner) {
-      out.low = out.low.cwiseMin(corner);
-      out.high = out.high.cwiseMax(corner);
-    }
-  }
-  return out;
-}
-
-/// Halves the triangles at the median of their centres along the longest side of their box. Recursion: log2(n) deep.
-void Surface::arrange(std::size_t first, std::size_t count) {
-  if (count <= kLeaf) return;
-  const Bounds bounds = bounds_of(first, count);
-  Eigen::Index axis = 0;
-  (void)(bounds.high - bounds.low).maxCoeff(&axis);
-  const auto centre = [axis](const Triangle& t) { return t.corner[0][axis] + t.corner[1][axis] + t.corner[2][axis]; };
-  const std::size_t half = count / 2;
-  const auto begin = triangles_.begin() + static_cast<std::ptrdiff_t>(first);
-  std::nth_element(begin, begin + static_cast<std::ptrdiff_t>(half), begin + static_cast<std::ptrdiff_t>(count),
-                   [&](const Triangle& a, const Triangle& b) { return centre(a) < centre(b); });
-  arrange(first, half);
-  arrange(first + half, count - half);
-}
-
-/// In the order of the triangles: what one query looks at lies side by side in memory.
-void Surface::number_vertices() {
-  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-  std::vector<std::uint32_t> number(vertices_m_.size(), kNone);
-  std::vector<Vector3d> ordered;
-  ordered.reserve(vertices_m_.size());
-  for (Triangle& triangle : triangles_) {
-    for (std::uint32_t& vertex : triangle.vertex) {
-      if (number[vertex] == kNone) {
-        number[vertex] = static_cast<std::uint32_t>(ordered.size());
-        ordered.push_back(vertices_m_[vertex]);
-      }
-      vertex = number[vertex];
-    }
-  }
-  vertices_m_ = std::move(ordered);
+  if (!triangles_.empty()) build(0, triangles_.size(), normals);
 }
 
 void Surface::find_neighbours(Normals& out) {
@@ -210,15 +161,28 @@ void Surface::find_neighbours(Normals& out) {
   for (std::size_t i = 1; i < ring_first_.size(); ++i) ring_first_[i] += ring_first_[i - 1];
 }
 
-/// The tree of the triangles as arrange() left them.
+/// Halves the triangles at the median of their centres along the longest side of the box. Recursion: log2(n) deep.
 void Surface::build(std::size_t first, std::size_t count, const Normals& normals) {
-  const Bounds bounds = bounds_of(first, count);
+  const auto begin = triangles_.begin() + static_cast<std::ptrdiff_t>(first);
+  const auto end = begin + static_cast<std::ptrdiff_t>(count);
+  Vector3d low = begin->corner[0], high = low;
+  for (auto each = begin; each != end; ++each) {
+    for (const Vector3d& corner : each->corner) {
+      low = low.cwiseMin(corner);
+      high = high.cwiseMax(corner);
+    }
+  }
   const std::size_t node = nodes_.size();
-  nodes_.push_back({rounded_down(bounds.low), rounded_up(bounds.high), static_cast<std::uint32_t>(first),
+  nodes_.push_back({rounded_down(low), rounded_up(high), static_cast<std::uint32_t>(first),
                     count <= kLeaf ? static_cast<std::uint32_t>(count) : 0u});
   if (count <= kBounded) bound_normals(first, count, normals, nodes_[node]);
   if (count <= kLeaf) return;
+  Eigen::Index axis = 0;
+  (void)(high - low).maxCoeff(&axis);
+  const auto centre = [axis](const Triangle& t) { return t.corner[0][axis] + t.corner[1][axis] + t.corner[2][axis]; };
   const std::size_t half = count / 2;
+  std::nth_element(begin, begin + static_cast<std::ptrdiff_t>(half), end,
+                   [&](const Triangle& a, const Triangle& b) { return centre(a) < centre(b); });
   build(first, half, normals);
   nodes_[node].first = static_cast<std::uint32_t>(nodes_.size());
   build(first + half, count - half, normals);
@@ -300,24 +264,6 @@ std::size_t Surface::minima(const Vector3d& p, double reach_m, std::span<Minimum
     reach = 0.0;
     for (const Minimum& each : out) reach = std::max(reach, each.distance_m);
   };
-  const auto look_at = [&](std::uint32_t i) {
-    const Triangle& triangle = triangles_[i];
-    TrianglePart part;
-    const Vector3d at = nearest_on_triangle(p, triangle.corner, part);
-    const Vector3d way = p - at;
-    if (way.squaredNorm() >= reach * reach || !is_minimum(triangle, part, way, at)) return;
-    const std::uint64_t id = part.kind == TrianglePart::kFace   ? i
-                             : part.kind == TrianglePart::kEdge ? triangle.edge[part.index]
-                                                                : triangle.vertex[part.index];
-    keep({at, way.norm(), (static_cast<std::uint64_t>(part.kind) << 32) | id});
-  };
-  // A step of physics leaves little of a large mesh in the cache. What is looked at later is fetched meanwhile.
-  std::array<std::uint32_t, kWaiting> waiting;
-  std::size_t waits = 0;
-  const auto look_at_waiting = [&] {
-    for (std::size_t k = 0; k < waits; ++k) look_at(waiting[k]);
-    waits = 0;
-  };
   std::array<std::uint32_t, 64> stack;  // halves: depth 21 for the most triangles
   std::size_t height = 0;
   stack[height++] = 0;
@@ -328,18 +274,22 @@ std::size_t Surface::minima(const Vector3d& p, double reach_m, std::span<Minimum
         (node.low.cast<double>() - p).cwiseMax(p - node.high.cast<double>()).cwiseMax(Vector3d::Zero());
     if (outside.squaredNorm() > reach * reach || turns_away(node, p)) continue;
     if (node.count == 0) {
-      __builtin_prefetch(&nodes_[node.first]);
       stack[height++] = node.first;
       stack[height++] = index + 1;
       continue;
     }
-    if (waits + node.count > waiting.size()) look_at_waiting();
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-      __builtin_prefetch(&triangles_[i]);
-      waiting[waits++] = i;
+      const Triangle& triangle = triangles_[i];
+      TrianglePart part;
+      const Vector3d at = nearest_on_triangle(p, triangle.corner, part);
+      const Vector3d way = p - at;
+      if (way.squaredNorm() >= reach * reach || !is_minimum(triangle, part, way, at)) continue;
+      const std::uint64_t id = part.kind == TrianglePart::kFace   ? i
+                               : part.kind == TrianglePart::kEdge ? triangle.edge[part.index]
+                                                                  : triangle.vertex[part.index];
+      keep({at, way.norm(), (static_cast<std::uint64_t>(part.kind) << 32) | id});
     }
   }
-  look_at_waiting();
   return found;
 }
 

@@ -73,13 +73,6 @@ class Surface {
   };
   static constexpr std::size_t kLeaf = 4;
 
-  struct Bounds {
-    Eigen::Vector3d low, high;
-  };
-
-  [[nodiscard]] Bounds bounds_of(std::size_t first, std::size_t count) const;
-  void arrange(std::size_t first, std::size_t count);
-  void number_vertices();
   void find_neighbours(Normals& out);
   void build(std::size_t first, std::size_t count, const Normals& normals);
   void bound_normals(std::size_t first, std::size_t count, const Normals& normals, Node& out) const;

@@ -159,16 +159,11 @@ void Harness::step_physics(std::uint64_t begin_ns) {
       hand.silent = true;
     }
   }
+  const double began_s = options_.measure_cost ? cpu_s() : 0.0;
+  stepper_->step(physics_->step_s(), physics_->parts_per_step());
   if (options_.measure_cost) {
-    if (!physics_core_) physics_core_ = std::make_unique<OtherCore>();
-    physics_core_->run([this] {
-      const double began_s = cpu_s();
-      stepper_->step(physics_->step_s(), physics_->parts_per_step());
-      cost_.steps_s += cpu_s() - began_s;
-      ++cost_.steps;
-    });
-  } else {
-    stepper_->step(physics_->step_s(), physics_->parts_per_step());
+    cost_.steps_s += cpu_s() - began_s;
+    ++cost_.steps;
   }
   const std::uint64_t published_ns = physics_->throttle_hz ? begin_ns + to_ns(physics_->step_s()) : begin_ns;
   for (std::size_t i = 0; i < hands_.size(); ++i) {

@@ -18,7 +18,6 @@
 #include "physics_node/stepper.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/histogram.hpp"
-#include "tools/harness/other_core.hpp"
 #include "tools/harness/random.hpp"
 #include "tools/harness/simulated_link.hpp"
 
@@ -36,8 +35,7 @@ struct HarnessOptions {
   bool energy_bound = true;         ///< False: the controller's damper alone, likewise.
   bool energy_damper = true;        ///< False: the bound of the force alone, likewise.
   bool echo_lag = true;             ///< False: over a network the set-point does not lag (echo.hpp), likewise.
-  bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result. Steps are
-                                    ///< made on another core, as by the node of physics: they would empty the cache.
+  bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
   double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
   double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.
   double loop_stops_s = -1.0;   ///< The loop stands still from then on (a pause of the machine); negative: never …
@@ -223,7 +221,6 @@ class Harness {
   std::uint64_t next_beat_ns_ = 0;
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
   HarnessCost cost_;
-  std::unique_ptr<OtherCore> physics_core_;  ///< When costs are measured.
 };
 
 }  // namespace tools

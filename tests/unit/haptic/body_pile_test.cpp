@@ -60,7 +60,7 @@ TEST(PileBody, IsSolvedWithTheProxyInOneRow) {
     row.surface_velocity_m_s = pile.free_m_s();
     row.softness_per_kg = pile.mobility_m_s_n() / kH;
     row.advance_m_s = pile.advance_m_s(normal);
-    haptic::solve_contacts(&proxy, &row, 1, 12);
+    haptic::solve_contacts(&proxy, &row, 1, 12, haptic::kTolerance_m_s);
     const double impulse = row.impulse_n_s.dot(normal);
     const double surface_m_s = pile.way_m(-row.impulse_n_s, kH).z() / kH;
     if (impulse > 0.0) {
