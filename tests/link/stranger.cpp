@@ -88,9 +88,9 @@ int main(int argc, char** argv) {
     hello.life = 0;
     const std::uint64_t patience_ns = rtbus::monotonic_ns() + 20 * rtbus::kNsPerS;
     while (hello.life == 0 && rtbus::monotonic_ns() < patience_ns) {
-      wire->hear([&](const link_dds::PeerHello& other) {
-        if (other.session == session && !other.leaving && other.nodes == std::vector<std::string>{"physics"}) {
-          hello.life = other.life;
+      wire->hear([&](const link_dds::PeerHello& heard) {
+        if (heard.session == session && !heard.leaving && heard.nodes == std::vector<std::string>{"physics"}) {
+          hello.life = heard.life;
         }
       });
       rtbus::sleep_until(rtbus::monotonic_ns() + rtbus::kNsPerMs);
