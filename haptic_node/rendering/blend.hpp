@@ -18,9 +18,8 @@ struct Blend {
   }
   /// What an answer changes in the force of what yields, which no surface brings in.
   [[nodiscard]] static Blend of_yielding(const Tuning& tuning, double step_s) noexcept {
-    return {std::max(tuning.blend_floor_s, kYielding * tuning.blend_periods * step_s)};
+    return {std::max(tuning.blend_floor_s, tuning.yielding_blend_periods * step_s)};
   }
-  static constexpr double kYielding = 1.5;
   /// What an answer moves in a pile is a prediction put right.
   [[nodiscard]] static Blend of_pile(const Tuning& tuning, double step_s) noexcept {
     return {std::max(tuning.blend_floor_s, tuning.slow_blend_periods * step_s)};

@@ -11,6 +11,7 @@ namespace haptic {
 struct Tuning {
   double blend_periods = 0.3;
   double blend_floor_s = 0.01;
+  double yielding_blend_periods = 0.45;
   double slow_blend_periods = 2.4;
   double noise_s = 0.03;
   double recovery_m_s = 0.2;
@@ -50,13 +51,15 @@ struct TunedValue {
   std::string_view source;  ///< A decision, a formula, or what measured it.
 };
 
-inline constexpr std::array<TunedValue, 19> kTunedValues{{
+inline constexpr std::array<TunedValue, 20> kTunedValues{{
     {"blend_periods", &Tuning::blend_periods, 0.15, 0.6, "periods of physics",
      "what an answer changes is brought in before the next one comes, and not at once", "decision 0008, Nothing jumps"},
     {"blend_floor_s", &Tuning::blend_floor_s, 5e-3, 15e-3, "s",
      "where answers come in every tick their noise is averaged; without answers bodies come to rest in three times "
      "that",
      "decision 0008, Nothing jumps"},
+    {"yielding_blend_periods", &Tuning::yielding_blend_periods, 0.3, 0.7, "periods of physics",
+     "what an answer changes in the force of what yields, which no surface brings in", "decision 0008, Nothing jumps"},
     {"slow_blend_periods", &Tuning::slow_blend_periods, 1.5, 4.0, "periods of physics",
      "of what an answer says of a pile, or of a body on an edge, most is noise", "decision 0008, Piles; Calm"},
     {"noise_s", &Tuning::noise_s, 0.02, 0.05, "s",

@@ -14,6 +14,7 @@ import signal
 import subprocess
 import tempfile
 import time
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,7 @@ from .topics import Topic, TopicInfo, open, topics
 
 _WITHOUT_PHYSICS = ("direct", "virtual_coupling")
 _STATES = ("starting", "running", "stopping")
+_REPORT = "report.json"
 
 
 @dataclass(frozen=True)
@@ -100,10 +102,15 @@ def find_program() -> str:
 
 
 class Session:
-    """A session that :func:`run` started. Ends it when the block ends. One thread at a time."""
+    """A session that :func:`run` started. Ends it when the block ends. One thread at a time.
 
-    def __init__(self, process: subprocess.Popen[bytes], name: str, report_file: str, log: IO[str]) -> None:
-        self.name, self._process, self._report_file, self._log = name, process, report_file, log
+    Its log and its report are files in a temporary folder, which goes with this object.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], name: str, folder: str, log: IO[str]) -> None:
+        self.name, self._process, self._log = name, process, log
+        self._report_file = os.path.join(folder, _REPORT)
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     def open(self, topic: str, **options: Any) -> Topic:
         """As :func:`rtbus.open`, in this session."""
@@ -202,7 +209,7 @@ def run(
     """
     name = name or f"py-{os.getpid()}-{time.monotonic_ns() % 100000}"
     folder = tempfile.mkdtemp(prefix="rtbus-")
-    report = os.path.join(folder, "report.json")
+    report = os.path.join(folder, _REPORT)
     command = [find_program(), "run", session, "--report", report, "--no-plots", "--no-bare-loop"]
     for key, value in {**(set or {}), "session": name}.items():
         command += ["--set", f"{key}={value}"]
@@ -210,7 +217,7 @@ def run(
         command += ["--duration", str(duration)]
     log = _log_file(folder)
     process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
-    made = Session(process, name, report, log)
+    made = Session(process, name, folder, log)
     end = time.monotonic() + timeout
     while True:
         if made.running and _all_run(name):

@@ -3,8 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <limits>
+
+#include "tests/support/temporary_file.hpp"
 
 namespace tools {
 namespace {
@@ -35,10 +36,9 @@ FaultRow row_of(Feels feels, Ends ends) {
 }
 
 Verdict verdict_of(const FaultRow& row, const std::vector<FaultOutcome>& runs, double paused_ms = 0.0) {
-  const std::string folder = testing::TempDir() + "fault_checks";
-  Experiment experiment("evaluate", "faults", "test", folder);
+  const tests::TemporaryFolder folder;
+  Experiment experiment("evaluate", "faults", "test", folder.path().string());
   check_row(row, runs, paused_ms, experiment);
-  std::filesystem::remove_all(folder);
   return experiment.verdict();
 }
 

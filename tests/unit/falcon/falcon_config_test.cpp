@@ -5,12 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-
 #include "drivers/falcon/boot_stream.hpp"
 #include "drivers/virtual_devices/falcon/virtual_falcon.hpp"
 #include "tests/support/bad_config.hpp"
+#include "tests/support/temporary_file.hpp"
 
 namespace drivers::falcon {
 namespace {
@@ -75,18 +73,15 @@ TEST(FalconConfig, ShippedFilesShowTheDefaults) {
 }
 
 TEST(FalconConfig, AFirmwareFileIsReadAndAnUnknownOneAccepted) {
-  const auto folder = std::filesystem::temp_directory_path() / "rtbus_falcon_config_test";
-  std::filesystem::create_directories(folder);
+  const tests::TemporaryFolder folder;
   const auto bytes = synthetic_boot_stream(500);
-  std::ofstream(folder / "mine.bin", std::ios::binary)
-      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  std::ofstream(folder / "device.yaml") << "schema: device/1\ndriver: falcon\nfirmware: mine.bin\nforce_upload: true\n";
-  const Read out = read((folder / "device.yaml").string());
+  folder.write("mine.bin", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  const Read out =
+      read(folder.write("device.yaml", "schema: device/1\ndriver: falcon\nfirmware: mine.bin\nforce_upload: true\n"));
   ASSERT_NE(out.falcon.settings.firmware, nullptr);
   EXPECT_EQ(out.falcon.settings.firmware->bytes, bytes);
   EXPECT_EQ(out.falcon.settings.firmware->known_as, "");
   EXPECT_TRUE(out.falcon.settings.force_upload);
-  std::filesystem::remove_all(folder);
 }
 
 TEST(FalconConfig, TheOtherGainBringsItsOwnGripMass) {

@@ -283,6 +283,26 @@ Figures blends_fast_answers(const Tuning& tuning) {
   return Figures{}.within("left", step.left, 0.0, 0.1).within("largest", step.largest, 0.0, 0.2);
 }
 
+/// What yields bears 0.1 N more: `due_n` of it is the hand's, which gives way by the rest.
+Figures blends_what_yields(const Tuning& tuning) {
+  constexpr double kSoft_n_per_m = 100.0, kTool_m = -1e-3, kBefore_n = 0.4, kMore_n = 0.1;
+  constexpr double kHand_m = kTool_m - kBefore_n / kK, due_n = kMore_n * kK / (kK + kSoft_n_per_m);
+  Scene scene(tuning);
+  scene.damping_n_s_per_m = 0.0;
+  scene.take(yields_at(kTool_m, kBefore_n, kSoft_n_per_m));
+  double before_n = 0.0, largest_n = 0.0;
+  for (int i = 0; i < 100; ++i) before_n = scene.tick(kHand_m);
+  scene.take(yields_at(kTool_m, kBefore_n + kMore_n, kSoft_n_per_m));
+  for (int i = 0; i < 50; ++i) {
+    const double force_n = scene.tick(kHand_m);
+    largest_n = std::max(largest_n, std::abs(force_n - before_n));
+    before_n = force_n;
+  }
+  return Figures{}
+      .within("left after a period", (kBefore_n + due_n - before_n) / due_n, 0.0, 0.3)
+      .within("largest", largest_n / due_n, 0.0, 0.08);
+}
+
 /// A body as heavy as a mountain, on one point.
 Figures blends_what_rocks_slowly(const Tuning& tuning) {
   const auto at = [](double x_m) { return block_at(x_m, 1, 1e-9, 0.05); };
@@ -507,6 +527,7 @@ const std::vector<Behaviour>& behaviours() {
   static const std::vector<Behaviour> kAll{
       {"blend_periods", &blends_within_a_period, {0.08, 1.0}},
       {"blend_floor_s", &blends_fast_answers, {3e-3, 0.025}},
+      {"yielding_blend_periods", &blends_what_yields, {0.15, 1.5}},
       {"slow_blend_periods", &blends_what_rocks_slowly, {0.7, 6.0}},
       {"noise_s", &averages_what_rocks, {0.01, 0.1}},
       {"recovery_m_s", &comes_out_of_a_wall, {0.05, 0.6}},
