@@ -510,7 +510,8 @@ Figures is_held_at_speed(const Tuning& tuning) {
   double farthest_m = 0.0;
   for (int i = 0; i < 4000; ++i) {
     if (i % 200 == 0) scene.take(named);
-    const double turn = 0.37 * (i / 20);
+    const int twentieth = i / 20;
+    const double turn = 0.37 * twentieth;
     scene.tick({0.06 * std::cos(turn), 0.06 * std::sin(2.1 * turn), 0.06 * std::sin(0.7 * turn)});
     farthest_m = std::max(farthest_m, scene.world->position_m().cwiseAbs().maxCoeff());
   }
