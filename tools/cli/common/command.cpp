@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <exception>
+#include <new>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -10,7 +11,9 @@
 
 namespace tools {
 
-int run_commands(std::span<const CommandEntry> commands, const std::string& footer, int argc, char** argv) {
+namespace {
+
+int parse_and_run(std::span<const CommandEntry> commands, const std::string& footer, int argc, char** argv) {
   rtbus::CommandLine line("rtbus", "rtbus: force feedback in two processes, joined by shared memory");
   line.version("rtbus " RTBUS_VERSION);
   line.require_command();
@@ -34,15 +37,23 @@ int run_commands(std::span<const CommandEntry> commands, const std::string& foot
   }
   if (const std::optional<int> status = line.parse(argc, argv)) return *status;
   catch_interrupts();
-  try {
-    for (std::size_t i = 0; i < known.size(); ++i) {
-      if (known[i].second.parsed()) return actions[i]();
-    }
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "rtbus: %s\n", error.what());
-    return kExitFailed;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (known[i].second.parsed()) return actions[i]();
   }
   return kExitUsage;
+}
+
+}  // namespace
+
+int run_commands(std::span<const CommandEntry> commands, const std::string& footer, int argc, char** argv) {
+  try {
+    return parse_and_run(commands, footer, argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::fputs("rtbus: out of memory\n", stderr);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "rtbus: %s\n", error.what());
+  }
+  return kExitFailed;
 }
 
 }  // namespace tools
