@@ -1,10 +1,12 @@
 """A session from Python: started, followed, recorded, ended."""
 
+import gc
 import os
 import subprocess
 import tempfile
 import time
 import unittest
+from pathlib import Path
 
 import numpy as np
 
@@ -114,6 +116,11 @@ class Starting(unittest.TestCase):
         self.assertEqual(report["haptic"][0]["name"], "haptic0")
         self.assertFalse(rtbus.topics(session.name))
         session._log.close()
+        folder = Path(session._report_file).parent
+        self.assertTrue(folder.exists())
+        del session
+        gc.collect()  # errors while it started keep frames that know it
+        self.assertFalse(folder.exists(), "its files went with it")
 
 
 if __name__ == "__main__":

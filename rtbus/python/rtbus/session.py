@@ -104,7 +104,7 @@ def find_program() -> str:
 class Session:
     """A session that :func:`run` started. Ends it when the block ends. One thread at a time.
 
-    Its log and its report are files in a temporary folder, which goes with this object.
+    Its log and its report are files in a temporary folder, which goes when this object is collected, at the latest at exit.
     """
 
     def __init__(self, process: subprocess.Popen[bytes], name: str, folder: str, log: IO[str]) -> None:

@@ -283,10 +283,10 @@ Figures blends_fast_answers(const Tuning& tuning) {
   return Figures{}.within("left", step.left, 0.0, 0.1).within("largest", step.largest, 0.0, 0.2);
 }
 
-/// What yields bears 0.1 N more: `due_n` of it is the hand's, which gives way by the rest.
+/// What yields bears 0.1 N more: `kDue_n` of it is the hand's, which gives way by the rest.
 Figures blends_what_yields(const Tuning& tuning) {
   constexpr double kSoft_n_per_m = 100.0, kTool_m = -1e-3, kBefore_n = 0.4, kMore_n = 0.1;
-  constexpr double kHand_m = kTool_m - kBefore_n / kK, due_n = kMore_n * kK / (kK + kSoft_n_per_m);
+  constexpr double kHand_m = kTool_m - kBefore_n / kK, kDue_n = kMore_n * kK / (kK + kSoft_n_per_m);
   Scene scene(tuning);
   scene.damping_n_s_per_m = 0.0;
   scene.take(yields_at(kTool_m, kBefore_n, kSoft_n_per_m));
@@ -299,8 +299,8 @@ Figures blends_what_yields(const Tuning& tuning) {
     before_n = force_n;
   }
   return Figures{}
-      .within("left after a period", (kBefore_n + due_n - before_n) / due_n, 0.0, 0.3)
-      .within("largest", largest_n / due_n, 0.0, 0.08);
+      .within("left after a period", (kBefore_n + kDue_n - before_n) / kDue_n, 0.0, 0.3)
+      .within("largest", largest_n / kDue_n, 0.0, 0.08);
 }
 
 /// A body as heavy as a mountain, on one point.
