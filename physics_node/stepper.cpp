@@ -304,8 +304,17 @@ void Stepper::drive_tool(std::size_t proxy, double done, double dt_s) {
   ProxyTarget drive = link.target;
   drive.position_m = link.previous_target_m + done * (link.target.position_m - link.previous_target_m);
   drive.velocity_m_s = (link.target.position_m - link.previous_target_m) / dt_s;
-  drive.force_n = link.tool_push_n - link.spring_n_s / kPaysBack_s;
+  drive.force_n = link.tool_push_n - link.spring_n_s / pays_back_s(link);
   world_->drive_tool(proxy, drive);
+}
+
+/// Two hands at one light body: what differs of their forces is a delayed integrator, d/dt φ = −g·φ(t − age)/pays_back,
+/// g = S/(S + K) < 1, because each is owed what the other one's spring gave. It rings for ever from age = π/(2g) times
+/// that on.
+double Stepper::pays_back_s(const Link& link) const {
+  const auto owners = std::count_if(links_.begin(), links_.end(),
+                                    [](const Link& each) { return each.owns_proxy && !each.silent && each.enabled; });
+  return owners < 2 ? kPaysBack_s : std::max(kPaysBack_s, kPaysBackAges * link.answer_age_s);
 }
 
 rtbus::ProxyState Stepper::answer(std::size_t proxy) const {

@@ -89,7 +89,10 @@ class Stepper {
   static constexpr double kHandSpeed_m_s = 0.2, kFall_m_s2 = 9.81;
   static constexpr double kRestRadius_m = 1e-3;
   static constexpr double kAgeKept = 0.99;
-  static constexpr double kPaysBack_s = 0.02;
+  /// As long as the two lags of what a tool bears take (BulletWorld::kMean_s).
+  static constexpr double kPaysBack_s = 8e-3;
+  /// Where there are several hands, in so much of the age of an answer, if that is longer.
+  static constexpr double kPaysBackAges = 0.8;
   [[nodiscard]] double contact_radius_m(std::size_t proxy) const;
 
   [[nodiscard]] std::size_t proxies() const noexcept { return links_.size(); }
@@ -146,6 +149,7 @@ class Stepper {
   static void queue_hand_impulses(Link& link, const rtbus::DeviceState& device);
   void gather_impulses(Link& link, double dt_s);
   /// Time of the hand until which bodies have received what it did.
+  [[nodiscard]] double pays_back_s(const Link& link) const;
   [[nodiscard]] static std::uint64_t received_until_ns(const Link& link) noexcept;
   void apply_pending(std::size_t proxy, double from, double to, double dt_s);
   void drive_tool(std::size_t proxy, double done, double dt_s);

@@ -65,12 +65,16 @@ bool NearShapes::nearest(const LocalBody& body, const Vector3d& proxy_m, Vector3
   return true;
 }
 
-std::size_t NearShapes::minima(int shape, const Vector3d& proxy_m, double reach_m, Minima& out) const noexcept {
-  const KnownShape& known = (*known_)[shape];
-  const Pose pose = pose_of(known);
-  const std::size_t found = known.surface()->minima(pose.in_body(proxy_m), reach_m, out);
-  for (std::size_t m = 0; m < found; ++m) out[m].point_m = pose.in_world(out[m].point_m);
-  return found;
+std::size_t NearShapes::minima(int shape, const Vector3d& proxy_m, double reach_m, Minima& out) noexcept {
+  if (asked_.shape != shape || asked_.proxy_m != proxy_m || asked_.reach_m != reach_m) {
+    const KnownShape& known = (*known_)[shape];
+    const Pose pose = pose_of(known);
+    asked_.found = known.surface()->minima(pose.in_body(proxy_m), reach_m, asked_.minima);
+    for (std::size_t m = 0; m < asked_.found; ++m) asked_.minima[m].point_m = pose.in_world(asked_.minima[m].point_m);
+    asked_.shape = shape, asked_.proxy_m = proxy_m, asked_.reach_m = reach_m;
+  }
+  std::copy_n(asked_.minima.begin(), asked_.found, out.begin());
+  return asked_.found;
 }
 
 void NearShapes::name(const Named& named) noexcept {
@@ -87,7 +91,7 @@ double NearShapes::look_m(double speed_m_s, double h) const noexcept {
 }
 
 Vector3d NearShapes::free_way_m(const Vector3d& proxy_m, double radius_m, const Vector3d& way_m,
-                                double seen_m) const noexcept {
+                                double seen_m) noexcept {
   const double length_m = way_m.norm();
   if (length_m <= seen_m) return way_m;
   const Vector3d along = way_m / length_m;

@@ -49,8 +49,9 @@ class NearShapes {
                              Eigen::Vector3d& normal) noexcept RTBUS_NONBLOCKING;
 
   /// Where the distance of a surface to the proxy has a minimum, within `reach_m`; points in W. @returns how many.
+  /// A tick with an answer asks twice, with it and without it: surfaces stand, so the second time is a copy.
   [[nodiscard]] std::size_t minima(int shape, const Eigen::Vector3d& proxy_m, double reach_m,
-                                   Minima& out) const noexcept RTBUS_NONBLOCKING;
+                                   Minima& out) noexcept RTBUS_NONBLOCKING;
 
   /// A surface of triangles has no inside: whether a proxy of that size can be held by it.
   [[nodiscard]] bool holds(double radius_m) const noexcept { return radius_m >= tuning_.least_proxy_m; }
@@ -64,13 +65,20 @@ class NearShapes {
   [[nodiscard]] double look_m(double speed_m_s, double h) const noexcept RTBUS_NONBLOCKING;
   /// How far along `way_m` the proxy can go: the rows of a step know surfaces as far as `seen_m`.
   [[nodiscard]] Eigen::Vector3d free_way_m(const Eigen::Vector3d& proxy_m, double radius_m,
-                                           const Eigen::Vector3d& way_m,
-                                           double seen_m) const noexcept RTBUS_NONBLOCKING;
+                                           const Eigen::Vector3d& way_m, double seen_m) noexcept RTBUS_NONBLOCKING;
 
  private:
   Tuning tuning_;
   std::shared_ptr<const KnownShapes> known_;            ///< Bodies point into it, those of a copy too.
   std::vector<rtbus::shapes::NearestFeature> nearest_;  ///< Of the last query of each hull.
+  struct Asked {
+    int shape = -1;
+    Eigen::Vector3d proxy_m = Eigen::Vector3d::Zero();
+    double reach_m = 0.0;
+    std::size_t found = 0;
+    Minima minima;
+  };
+  Asked asked_;  ///< Last.
   std::array<Named, rtbus::kContactSlots> named_{};
   std::size_t named_count_ = 0;
 };

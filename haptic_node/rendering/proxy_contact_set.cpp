@@ -89,7 +89,7 @@ void ProxyContactSet::follow(Contact& contact, Bodies bodies, const LocalProxy& 
 
 /// The contacts of one surface, anew: where its distance to the proxy has a minimum.
 void ProxyContactSet::follow_surface(const NearShapes::Named& named, Bodies bodies, const LocalProxy& proxy, double h,
-                                     const NearShapes& shapes) noexcept {
+                                     NearShapes& shapes) noexcept {
   const Vector3d& centre_m = bodies[named.body].motion.centre_m;
   std::size_t old_count = 0, kept = 0;
   for (std::size_t i = 0; i < count_; ++i) {

@@ -106,7 +106,7 @@ class ProxyContactSet {
   static void follow(Contact& contact, Bodies bodies, const LocalProxy& proxy, NearShapes& shapes,
                      double most_rad) noexcept;
   void follow_surface(const NearShapes::Named& named, Bodies bodies, const LocalProxy& proxy, double h,
-                      const NearShapes& shapes) noexcept;
+                      NearShapes& shapes) noexcept;
   [[nodiscard]] static bool name_surface(std::size_t body, double friction, Bodies bodies, const LocalProxy& proxy,
                                          NearShapes& shapes) noexcept;
   [[nodiscard]] bool names(const TakenAnswer& taken, std::size_t row, const Eigen::Vector3d& normal) const noexcept;

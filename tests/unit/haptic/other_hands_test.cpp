@@ -105,9 +105,27 @@ TEST_F(OtherHandsTest, TheRunningTickIsTakenFromTheLastOneAndPutRight) {
   const ProxyContacts told = answer(told_ns);
   EXPECT_NEAR(OtherHands::Since(others, told, kBody).until_now().linear_n_s.x(), 4e-3, 1e-12)
       << "what the tick before this one had";
-  hear(pusher.now_ns + 2 * kTick_ns);
-  hear(pusher.now_ns + 3 * kTick_ns);
-  EXPECT_NEAR(heard_n_s, 5e-3, 1e-12) << "it has been killed";
+}
+
+// A lost message is no pause in its push; one that has been killed stops after two ticks.
+TEST_F(OtherHandsTest, AHandThatIsNotHeardGoesOnForTwoTicks) {
+  pusher.tick(0.0);
+  hear();
+  pusher.tick(2e-3);
+  const std::uint64_t told_ns = pusher.now_ns;
+  for (int lag = 1; lag <= 2; ++lag) {
+    hear(pusher.now_ns + lag * kTick_ns);
+    EXPECT_NEAR(heard_n_s, 2e-3 * (1 + lag), 1e-12);
+  }
+  const ProxyContacts told = answer(told_ns);
+  EXPECT_NEAR(OtherHands::Since(others, told, kBody).until_now().linear_n_s.x(), 2e-3, 1e-12);
+  for (int lag = 3; lag <= 4; ++lag) hear(pusher.now_ns + lag * kTick_ns);
+  EXPECT_NEAR(heard_n_s, 6e-3, 1e-12);
+  hear(pusher.now_ns + 5 * kTick_ns);
+  EXPECT_NEAR(heard_n_s, 2e-3, 1e-12) << "it has ended";
+  pusher.tick(2e-3);
+  hear();
+  EXPECT_NEAR(heard_n_s, 4e-3, 1e-12) << "it was only late: what it gave, and no more";
 }
 
 // Physics drops what lies between two mapping epochs, and what a hand without forces does.
