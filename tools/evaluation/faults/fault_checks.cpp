@@ -46,48 +46,49 @@ double ticks_not_told(const FaultOutcome& run) {
 void check_row(const FaultRow& row, const std::vector<FaultOutcome>& runs, double paused_ms, Experiment& experiment) {
   const MachineLoad paused{.pause_ms = runs.empty() ? paused_ms : 0.0};
   const std::string id = "faults." + row.name;
+  const auto says = [&row](const char* what) { return row.name + ": " + what; };
   const auto never = [](double ms) { return ms < 0.0 ? std::numeric_limits<double>::infinity() : ms; };
   if (row.ends != Ends::kNeverStarts) {
-    experiment.check_at_most(id + ".limit", "largest force, share of the device's limit",
+    experiment.check_at_most(id + ".limit", says("largest force, share of the device's limit"),
                              worst(runs, [](const FaultOutcome& run) { return 100.0 * run.peak_n / run.limit_n; }), "%",
                              100.0 + 1e-6, paused);
   }
   if (row.feels == Feels::kZero) {
     experiment.check_at_most(
-        id + ".zero", "zero force after the fault",
+        id + ".zero", says("zero force after the fault"),
         worst(runs, [&](const FaultOutcome& run) { return never(run.zero_ms) - kPausesInTheWay * run.pause_ms; }), "ms",
         row.zero_ms, paused);
   }
   if (row.held) {
     experiment.check_at_most(
-        id + ".held", "last force that was felt while the fault lasted",
+        id + ".held", says("last force that was felt while the fault lasted"),
         worst(runs, [](const FaultOutcome& run) { return run.felt_until_ms - kPausesInTheWay * run.pause_ms; }), "ms",
         row.zero_ms, paused);
   }
   if (row.feels == Feels::kNothing) {
     const double most_lost = worst(runs, [](const FaultOutcome& run) { return -100.0 * run.lowest_n / run.before_n; });
-    experiment.check_at_least(id + ".felt", "least force meanwhile, share of the one before", -most_lost, "%",
+    experiment.check_at_least(id + ".felt", says("least force meanwhile, share of the one before"), -most_lost, "%",
                               kStillFelt_percent, paused);
   }
   switch (row.ends) {
     case Ends::kComesBack:
-      experiment.check_at_most(id + ".resumes", "force back after the end of the fault",
+      experiment.check_at_most(id + ".resumes", says("force back after the end of the fault"),
                                worst(runs, [&](const FaultOutcome& run) { return never(run.back_ms); }), "ms",
                                kReturn_ms, paused);
-      experiment.check_at_most(id + ".growth", "fastest growth of the force, share of the peak",
+      experiment.check_at_most(id + ".growth", says("fastest growth of the force, share of the peak"),
                                worst(runs, [](const FaultOutcome& run) { return 100.0 * run.growth_per_ms; }), "%/ms",
                                kGrowth_percent_per_ms, paused);
       break;
     case Ends::kMayGoOn:
       experiment.check_at_least(
-          id + ".goes_on", "least force where the session goes on, share of the one before",
+          id + ".goes_on", says("least force where the session goes on, share of the one before"),
           -worst(runs,
                  [](const FaultOutcome& run) { return run.went_on ? -100.0 * run.lowest_n / run.before_n : -100.0; }),
           "%", kStillFelt_percent, paused);
       [[fallthrough]];
     case Ends::kStaysAtZero:
     case Ends::kWithSession:
-      experiment.check_at_most(id + ".stays_zero", "largest force after the zero",
+      experiment.check_at_most(id + ".stays_zero", says("largest force after the zero"),
                                worst(runs,
                                      [](const FaultOutcome& run) {
                                        return run.went_on ? 0.0 : run.zero_ms < 0.0 ? run.peak_n : run.after_zero_n;
@@ -95,21 +96,21 @@ void check_row(const FaultRow& row, const std::vector<FaultOutcome>& runs, doubl
                                "N", 0.0, paused);
       break;
     case Ends::kNeverStarts:
-      experiment.check_at_most(id + ".no_force", "largest force",
+      experiment.check_at_most(id + ".no_force", says("largest force"),
                                worst(runs, [](const FaultOutcome& run) { return run.peak_n; }), "N", 0.0, paused);
       break;
   }
   if (row.ends != Ends::kNeverStarts && !row.own_wakeups && !row.own_pauses) {
-    experiment.check_at_most(id + ".wakeup", "haptic loop awake later than the witness beside it",
+    experiment.check_at_most(id + ".wakeup", says("haptic loop awake later than the witness beside it"),
                              worst(runs, [](const FaultOutcome& run) { return run.wakeup_ms - run.pause_ms; }), "ms",
                              kOwnWakeup_ms, paused);
   }
   if (row.counts_ticks) {
-    experiment.check_at_most(id + ".ticks", "ticks that passed and were neither served nor counted as missed",
+    experiment.check_at_most(id + ".ticks", says("ticks that passed and were neither served nor counted as missed"),
                              worst(runs, [](const FaultOutcome& run) { return ticks_not_told(run); }), "",
                              worst(runs, [](const FaultOutcome& run) { return kTicksTold_ms * 1e-3 * run.rate_hz; }),
                              paused);
-    experiment.check_at_least(id + ".goes_on", "ticks served, share of those that passed",
+    experiment.check_at_least(id + ".goes_on", says("ticks served, share of those that passed"),
                               -worst(runs,
                                      [](const FaultOutcome& run) {
                                        return -100.0 * static_cast<double>(run.ticks) / (run.elapsed_s * run.rate_hz);
@@ -119,7 +120,7 @@ void check_row(const FaultRow& row, const std::vector<FaultOutcome>& runs, doubl
   if (row.ends != Ends::kNeverStarts && row.exit_status <= 1) {
     const double most = worst(runs, [](const FaultOutcome& run) { return run.restarts + 0.0; });
     const double least = -worst(runs, [](const FaultOutcome& run) { return -run.restarts + 0.0; });
-    experiment.check_between(id + ".restarts", "nodes restarted", least < row.restarts_least ? least : most, "",
+    experiment.check_between(id + ".restarts", says("nodes restarted"), least < row.restarts_least ? least : most, "",
                              row.restarts_least, row.restarts_most, paused);
   }
   const auto wrong_end = [&](const FaultOutcome& run) {
@@ -127,12 +128,12 @@ void check_row(const FaultRow& row, const std::vector<FaultOutcome>& runs, doubl
                                                                   : run.exit_status == row.exit_status;
     return (as_told || (run.went_on && run.exit_status == 0) ? 0.0 : 1.0) + run.processes_left;
   };
-  experiment.check_between(id + ".end", "wrong exit status, and processes left behind", worst(runs, wrong_end), "", 0.0,
-                           0.0, paused);
+  experiment.check_between(id + ".end", says("wrong exit status, and processes left behind"), worst(runs, wrong_end),
+                           "", 0.0, 0.0, paused);
   // A supervisor that was killed cannot tidy: `rtbus clean` does, and the next session of the name.
   if (row.exit_status <= 1) {
     experiment.check_between(
-        id + ".left", "segments left behind",
+        id + ".left", says("segments left behind"),
         worst(runs, [](const FaultOutcome& run) { return static_cast<double>(run.left_over.size()); }), "", 0.0, 0.0,
         paused);
   }
