@@ -8,12 +8,11 @@
 namespace haptic {
 namespace {
 
-/// A hand that is not heard pushes as it did for this many of its ticks: one message that is lost, or one late loop,
-/// must not take its push from a body and give it back in the next tick. A gram gains 0.3 m/s by 0.3 N in 1 ms. With 4
-/// the end of a hand is felt later than after 3 ms.
-constexpr double kGoesOnTicks = 2.0;
-/// After so many it has ended: what it was taken to give is taken back.
-constexpr double kEndedTicks = 4.0;
+/// A hand that is not heard pushes as it did for this many of its ticks: messages that are lost, or a late loop, must
+/// not take its push from a body and give it back later. A gram gains 0.3 m/s by 0.3 N in 1 ms.
+constexpr double kGoesOnTicks = 4.0;
+/// After so many it has ended: what it was taken to give is taken back. At 10 % of loss that is one tick of 10⁶.
+constexpr double kEndedTicks = 6.0;
 
 Impulse told_in(const rtbus::DeviceState& state, std::size_t row) noexcept {
   return {rtbus::vector_of(state.hand_impulse_n_s[row]), rtbus::vector_of(state.hand_angular_impulse_n_m_s[row])};
