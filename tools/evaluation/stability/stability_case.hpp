@@ -137,9 +137,9 @@ inline constexpr std::uint64_t kThirdGeneration = 2'000'000'000;
 [[nodiscard]] StabilityCase direct_reference(const StabilityCase& each, double stiffness_n_per_m,
                                              double damping_n_s_per_m);
 
-/// The same scene and hands without delay: physics in the same steps, each answered at once, by the method of the case
-/// or with the proxy in the world itself (`remote_virtual_coupling`). What swings there too is mechanics, such as a
-/// heavy ball that rolls to and fro on a spring.
+/// The same scene and hands without delay: physics in the same steps, each answered by the next, by the method of the
+/// case or with the proxy in the world itself (`remote_virtual_coupling`). What swings there too is mechanics, such as
+/// a heavy ball that rolls to and fro on a spring.
 [[nodiscard]] StabilityCase undelayed_reference(const StabilityCase& each, const std::string& method);
 
 /// One line: "K 1500 B 2 physics 20 Hz …".
