@@ -138,7 +138,8 @@ TEST_F(DeviceTools, TestAnArmByItsSerialAndByItsDriver) {
 // ---- rtbus calibrate
 
 // The virtual motors need half as much again as the driver thinks; a mass finds that out. The hand takes the
-// grip to its ends, waits, and then lets 0.2 kg hang on it: a spring so far away that it slips at its weight.
+// grip to its ends, waits, and then lets 0.2 kg hang on it: a spring so far away that it slips at its weight. It waits
+// for two waves more than the grip alone takes, since a machine that pauses lets waves go uncounted.
 TEST_F(DeviceTools, CalibrateFindsTheForceOfAFalconByAKnownMass) {
   std::string way = "t_s,x_m,y_m,z_m\n0,0,0,0\n";
   double t_s = 0.0;
@@ -154,7 +155,7 @@ TEST_F(DeviceTools, CalibrateFindsTheForceOfAFalconByAKnownMass) {
     go(0.027 * c, 0.027 * s, 0.01);
     go(-0.027 * c, -0.027 * s, 0.01);
   }
-  way += std::to_string(t_s + 0.6) + ",0,0,0\n16,0,0,0\n16.6,0,-0.45,0\n";
+  way += std::to_string(t_s + 0.6) + ",0,0,0\n19,0,0,0\n19.6,0,-0.45,0\n";
   write("way.csv", way);
   const std::string file = write(
       "falcon.yaml",
