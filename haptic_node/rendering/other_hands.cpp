@@ -8,10 +8,11 @@
 namespace haptic {
 namespace {
 
-/// A hand that is not heard pushes as it did for this many of its ticks: messages that are lost, or a late loop, must
-/// not take its push from a body and give it back later. A gram gains 0.3 m/s by 0.3 N in 1 ms.
-constexpr double kGoesOnTicks = 4.0;
-/// After so many it has ended: what it was taken to give is taken back. At 10 % of loss that is one tick of 10⁶.
+/// A hand that is not heard pushes as it did for this many of its ticks: a message that is lost, or a late loop, must
+/// not take its push from a body and give it back in the next tick. A gram gains 0.3 m/s by 0.3 N in 1 ms. With more
+/// the end of a hand is felt later than after 3 ms.
+constexpr double kGoesOnTicks = 2.0;
+/// After so many it has ended: what it was taken to give is taken back.
 constexpr double kEndedTicks = 6.0;
 
 Impulse told_in(const rtbus::DeviceState& state, std::size_t row) noexcept {

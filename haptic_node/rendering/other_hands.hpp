@@ -21,7 +21,7 @@ namespace haptic {
 /// ones: a body receives them tick by tick, and from the instant of an answer it is replayed with all that physics did
 /// not have by then (ProxyContacts::hand_time_ns). In the tick that is running the other hand is taken to push as in
 /// its last one, and the next tick puts that right. (Without it a block between two hands that push equally would get
-/// the own impulse of each tick before the other one, and drift away from the own hand.) So it does for four ticks when
+/// the own impulse of each tick before the other one, and drift away from the own hand.) So it does for two ticks when
 /// nothing more is heard of it. After six it has ended, and what it was taken to give is taken back.
 /// One thread. @realtime everything but the constructor.
 class OtherHands {

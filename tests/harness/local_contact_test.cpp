@@ -301,8 +301,8 @@ TEST(LocalContact, TwoHandsCarryABlockAsInTheConvergedLoop) {
 }
 
 // From the kill on: the block is pushed away, and lets go of the other hand about 27 ms later.
-TEST(LocalContact, TheOtherHandFeelsThatOneIsKilledWithin7Ms) {
-  constexpr std::size_t kKilled = 7999, kEarlyOrLate = 7;  // in samples of 1 ms
+TEST(LocalContact, TheOtherHandFeelsThatOneIsKilledWithin3Ms) {
+  constexpr std::size_t kKilled = 7999, kEarlyOrLate = 3;  // in samples of 1 ms
   constexpr double kTolerance_n = 0.02;
   const tests::TemporaryFolder folder;
   tools::TwoHandsSetup setup;

@@ -115,17 +115,6 @@ TEST(StabilityCase, FindsAnOscillationThatGrows) {
   EXPECT_TRUE(result.growing);
 }
 
-// A soft ball that collapses to a heap rings under Bullet's own tool too, ten times as far, with an answer in each
-// step.
-TEST(StabilityCase, WhatRingsWithoutDelayTooIsNoFaultOfTheMethod) {
-  if (!RTBUS_WITH_BULLET) GTEST_SKIP() << "built without Bullet";
-  const tools::StabilityCase each = tools::draw_case(2'000'001'100);
-  EXPECT_EQ(tools::run_case(each, kSession, {}, false).outcome, StabilityOutcome::kDiverged);
-  const StabilityResult result = tools::run_case(each, kSession, {});
-  EXPECT_EQ(result.outcome, StabilityOutcome::kLimitCycle) << result.error;
-  EXPECT_GT(result.reference_n, result.swing_n);
-}
-
 TEST(StabilityCase, ReportsAStiffnessThatIsLowered) {
   tools::StabilityCase each;
   each.stiffness_n_per_m = 2000.0;

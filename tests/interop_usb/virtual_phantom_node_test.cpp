@@ -40,10 +40,9 @@ TEST(VirtualPhantomNode, HoldsTheWallThroughLibusb) {
     return ticks.has_value() && ticks->writer_alive();
   }));
 
-  // 0.3 s in a row in which the tip rests in the wall; a busy machine, on which the virtual arm waits too, may need
-  // several tries.
+  // A second in a row in which the tip rests in the wall; a busy machine may need several tries.
   constexpr double kStiffness = 400.0;
-  constexpr int kWanted = 300;
+  constexpr int kWanted = 1000;
   int resting = 0;
   int seen = 0;
   double last_n = 0.0;

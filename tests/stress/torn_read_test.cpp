@@ -92,10 +92,8 @@ constexpr bool kAllReadsAreDue = false;
 constexpr std::uint64_t kTimeLimitNs = 20 * kNsPerS;
 #else
 constexpr bool kAllReadsAreDue = true;
-constexpr std::uint64_t kTimeLimitNs = 90 * kNsPerS;
+constexpr std::uint64_t kTimeLimitNs = 220 * kNsPerS;
 #endif
-/// So many there are in each way on any machine; a torn read would be one of some thousand where the two collide.
-constexpr std::uint64_t kLeastReads = 1'000'000;
 constexpr std::uint64_t kThreadsTimeLimitNs = 4 * kNsPerS;
 
 void flood(Writer<Flood>& writer, const std::atomic<bool>& stop) {
@@ -229,8 +227,7 @@ TEST_P(TwoProcesses, NeverSeeATornSample) {
     EXPECT_EQ(tally.torn, 0u);
     EXPECT_EQ(tally.backwards, 0u);
     if (kAllReadsAreDue) {
-      EXPECT_GE(tally.reads(), std::min(wanted, kLeastReads))
-          << "the machine is too busy for so many; set RTBUS_STRESS_READS";
+      EXPECT_GE(tally.reads(), wanted) << "the machine is too busy for so many; set RTBUS_STRESS_READS";
     }
     ASSERT_GT(tally.fresh, 0u);
     // A single slot starves its reader; from a ring of 64 the newest is nearly always to be had.

@@ -234,7 +234,7 @@ void take(Service::State& state, lws* socket) {
   const Settings& set = state.settings;
   const bool speaks_again = set.mute_for_s >= 0.0 && t_s > set.mute_at_s + set.mute_for_s;
   if (set.mute_at_s >= 0.0 && t_s > set.mute_at_s && !speaks_again) return;
-  if (state.settings.close_at_s >= 0.0 && t_s > state.settings.close_at_s && !state.closed_once) {
+  if (state.settings.close_at_s >= 0.0 && t_s >= state.settings.close_at_s && !state.closed_once) {
     state.closed_once = client.closes = true;
   }
   block_for_us(state.settings.slow_reply_us);

@@ -28,8 +28,6 @@ struct DeviceFault {
 constexpr double kForceTimeout_ms = 20.0 + 1.0;
 /// The stand-in's own choice for the service, whose delay until idle is not established.
 constexpr double kServiceIdle_ms = 100.0 + 1.0;
-/// It takes some messages more until it closes: it sees the trigger with one, and closes with one after that.
-constexpr double kUntilClosed_ms = 4.0;
 /// The virtual Falcon's own time-out (torque_timeout_ms), and that of the arm's amplifiers: nothing reaches either one
 /// any more.
 constexpr double kFalconTimeout_ms = 50.0 + 1.0, kArmTimeout_ms = 100.0 + 1.0;
@@ -105,7 +103,7 @@ const std::vector<DeviceFault>& all() {
        "haply",
        "wall_virtual_inverse3.yaml",
        {"close_at_s=0"},
-       kServiceIdle_ms + kUntilClosed_ms,
+       kServiceIdle_ms,
        0.0,
        true},
       {"falcon_unplugged",

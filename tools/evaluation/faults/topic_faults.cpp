@@ -51,7 +51,7 @@ void delete_topics(FaultSession& cell) {
 
 void cut_topics(FaultSession& cell) {
   for (const rtbus::TopicInfo& topic : rtbus::list_topics(cell.name())) {
-    if (is_cable(topic.topic)) continue;
+    if (topic.topic == kWitness) continue;
     if (::truncate(path_of(cell.name(), topic.topic).c_str(), 0) != 0 && errno != ENOENT) cell.fail("truncate failed");
   }
   cell.follow(FaultSession::kHold_s);
@@ -108,7 +108,7 @@ std::vector<FaultRow> topic_faults() {
                  .hold_s = 10.0,
                  .happen = &delete_topics});
   out.push_back({.name = "topics_truncated",
-                 .what = "every topic's file is cut to nothing, all at once, but for the cable of the simulated device",
+                 .what = "every topic's file but the witness is cut to nothing, all at once",
                  .feels = Feels::kAnything,
                  .happen = &cut_topics});
   out.push_back(

@@ -66,7 +66,7 @@ int show_stability_case(const StabilityOptions& options, std::uint64_t seed, con
   std::vector<StabilityTick> ticks;
   const StabilityResult r = run_case(each, options.session_file, options.assignments, true, &ticks);
   std::printf(
-      "%s%s; swing %.4g N, %.4g mm p-p; reference %.4g N, %.4g mm; peak %.4g N, clamped %.3g s\n"
+      "%s%s; swing %.4g N, %.4g mm p-p; direct at 10 kHz %.4g N, %.4g mm; peak %.4g N, clamped %.3g s\n"
       "rendered %.4g N/m, %.4g N s/m; observed energy at least %.4g mJ (bar %.4g), in deficit %.4g s; true work of the "
       "plant "
       "%.4g mJ, observed energy off by %.3g mJ; settled after %.3g s of %.3g s%s%s\n",

@@ -314,7 +314,8 @@ std::vector<std::string> assignments_of(const StabilityCase& each) {
     out.emplace_back("physics.engine=bullet");
     out.push_back(formatted("physics.solver_iterations=%d", each.solver_iterations));
   }
-  out.push_back(formatted("physics.rate_hz=%.9g", std::max(each.least_physics_rate_hz(), step_hz)));
+  out.push_back(
+      formatted("physics.rate_hz=%.9g", std::max(each.task == StabilityTask::kSoft ? 500.0 : 1000.0, step_hz)));
   if (each.paper) {
     out.emplace_back("haptic.0.form=paper");
     out.push_back(formatted("haptic.0.link_rate_hz=%.9g", step_hz));
@@ -365,17 +366,6 @@ StabilityCase direct_reference(const StabilityCase& each, double stiffness_n_per
   out.damping_n_s_per_m = damping_n_s_per_m;
   out.stiff_device = true;
   out.jitter_s = out.lost_share = out.loop_pause_s = out.physics_pause_s = 0.0;
-  return out;
-}
-
-StabilityCase undelayed_reference(const StabilityCase& each, const std::string& method) {
-  StabilityCase out = each;
-  out.method = method;
-  out.begins_s = each.start_s();
-  out.physics_hz = std::max(each.least_physics_rate_hz(), each.physics_hz);
-  out.haptic_hz = std::max(1000.0, each.haptic_hz);
-  out.jitter_s = out.lost_share = out.loop_pause_s = out.physics_pause_s = 0.0;
-  out.network = {};
   return out;
 }
 

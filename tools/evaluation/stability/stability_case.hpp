@@ -104,8 +104,6 @@ struct StabilityCase {
   [[nodiscard]] bool along_z() const noexcept {
     return task == StabilityTask::kBlock || task >= StabilityTask::kSecondHand;
   }
-  /// Steps of physics last no longer, however rarely it answers.
-  [[nodiscard]] double least_physics_rate_hz() const noexcept { return task == StabilityTask::kSoft ? 500.0 : 1000.0; }
   [[nodiscard]] double longest_round_trip_s() const noexcept {
     return (1.0 + network.jitter_share) * network.round_trip_s;
   }
@@ -136,11 +134,6 @@ inline constexpr std::uint64_t kThirdGeneration = 2'000'000'000;
 /// The same wall and hand rendered directly at 10 kHz, with the gains that `each` rendered. Not for moving bodies.
 [[nodiscard]] StabilityCase direct_reference(const StabilityCase& each, double stiffness_n_per_m,
                                              double damping_n_s_per_m);
-
-/// The same scene and hands without delay: physics in the same steps, each answered by the next, by the method of the
-/// case or with the proxy in the world itself (`remote_virtual_coupling`). What swings there too is mechanics, such as
-/// a heavy ball that rolls to and fro on a spring.
-[[nodiscard]] StabilityCase undelayed_reference(const StabilityCase& each, const std::string& method);
 
 /// One line: "K 1500 B 2 physics 20 Hz …".
 [[nodiscard]] std::string describe(const StabilityCase& each);

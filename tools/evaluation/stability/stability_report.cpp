@@ -76,7 +76,7 @@ void write_header(std::ofstream& tsv) {
          "B rendered [N s/m]\tphysics [Hz]\tloop [Hz]\tproxy [kg]\tbody/proxy\tfriction\tquantum [m]\tscale\t"
          "speed [m/s]\theight [m]\tdepth [m]\tjitter [s]\tlost\tloop pause [s]\tphysics pause [s]\tboxes\tsolver "
          "iterations\tswing [N p-p]\t"
-         "swing [m p-p]\treference [N p-p]\treference [m p-p]\tgrowing\tpeak [N]\tclamped [s]\tsettled after [s]\t"
+         "swing [m p-p]\tdirect at 10 kHz [N p-p]\tdirect [m p-p]\tgrowing\tpeak [N]\tclamped [s]\tsettled after [s]\t"
          "lowest observed energy [J]\t|F||dx| of the worst tick [J]\tin deficit [s]\tdeficit growth [J]\tplant work "
          "[J]\t"
          "observed energy error [J]\toverspeed ticks\tpassivity ticks\tcpu [s]\terror\n";

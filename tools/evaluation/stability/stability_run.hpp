@@ -13,8 +13,7 @@ namespace tools {
 enum class StabilityOutcome : std::uint8_t {
   kSettled,     ///< At rest: no oscillation beyond a fifth of the bars.
   kMoving,      ///< Neither at rest nor oscillating at the end: creeps, or still dies out.
-  kLimitCycle,  ///< A steady oscillation below the bars, or one that the reference has too: direct
-                ///< rendering at 10 kHz, or the same bodies without delay (undelayed_reference()).
+  kLimitCycle,  ///< A steady oscillation below the bars, or one that direct rendering at 10 kHz has too.
   kDiverged,    ///< A steady or growing oscillation above 0.05 N or two encoder steps; or at the force limit without a
                 ///< push.
   kFailed,      ///< A force that is not a number or above the limit, in any tick; or the run itself broke.
@@ -50,7 +49,7 @@ struct StabilityResult {
   double rendered_n_s_per_m = 0.0;
   double swing_n = 0.0;      ///< Oscillation of the force at the end, peak to peak, drift taken off.
   double swing_m = 0.0;      ///< Of the tip, as it really moves.
-  double reference_n = 0.0;  ///< Of the reference, where it was asked; else negative.
+  double reference_n = 0.0;  ///< Of direct rendering at 10 kHz, where it was asked; else negative.
   double reference_m = 0.0;
   double peak_n = 0.0;
   double clamped_s = 0.0;  ///< Longest time at the clamp with nobody pushing.
@@ -81,7 +80,7 @@ struct StabilityTick {
 };
 
 /// @param session_file config/wall.yaml. @param extra `--set`, stronger than the case. @param trace Filled if not null.
-/// @param reference Ask the reference where the outcome hangs on it.
+/// @param reference Ask direct rendering at 10 kHz where the outcome hangs on it.
 [[nodiscard]] StabilityResult run_case(const StabilityCase& each, const std::string& session_file,
                                        const std::vector<std::string>& extra, bool reference = true,
                                        std::vector<StabilityTick>* trace = nullptr) noexcept;
