@@ -89,8 +89,7 @@ class Stepper {
   static constexpr double kHandSpeed_m_s = 0.2, kFall_m_s2 = 9.81;
   static constexpr double kRestRadius_m = 1e-3;
   static constexpr double kAgeKept = 0.99;
-  /// As long as the two lags of what a tool bears take (BulletWorld::kMean_s).
-  static constexpr double kPaysBack_s = 8e-3;
+  static constexpr double kPaysBack_s = 0.02;
   /// Where there are several hands, in so much of the age of an answer, if that is longer.
   static constexpr double kPaysBackAges = 0.8;
   [[nodiscard]] double contact_radius_m(std::size_t proxy) const;
