@@ -249,6 +249,7 @@ struct PlantState {
   Vec3 applied_force_n{};  ///< Actuator force acting on the tip now, in D.
   Vec3 hand_force_n{};     ///< Hand on the tip, in D.
   std::uint64_t sample_time_ns = 0;
+  std::uint64_t command_time_ns = 0;  ///< Stamp of the newest command that the plant has taken; 0: none yet.
   std::uint32_t buttons = 0;
   std::uint32_t timed_out = 0;  ///< 1 while the plant applies zero force because no commands arrive.
 };
@@ -425,7 +426,8 @@ struct SampleTraits<PlantState> {
   static constexpr std::array kFields{RTBUS_FIELD(T, position_m, "m"),          RTBUS_FIELD(T, true_position_m, "m"),
                                       RTBUS_FIELD(T, true_velocity_m_s, "m/s"), RTBUS_FIELD(T, applied_force_n, "N"),
                                       RTBUS_FIELD(T, hand_force_n, "N"),        RTBUS_FIELD(T, sample_time_ns, "ns"),
-                                      RTBUS_FIELD(T, buttons, "bits"),          RTBUS_FIELD(T, timed_out, "bool")};
+                                      RTBUS_FIELD(T, command_time_ns, "ns"),    RTBUS_FIELD(T, buttons, "bits"),
+                                      RTBUS_FIELD(T, timed_out, "bool")};
 };
 
 static_assert(sizeof(DeviceState) == 560 && Sample<DeviceState>);
@@ -438,6 +440,6 @@ static_assert(sizeof(StepStats) == 88 && Sample<StepStats>);
 static_assert(sizeof(BodyPoses) == 3624 && Sample<BodyPoses>);
 static_assert(sizeof(SoftNodes) == 3112 && Sample<SoftNodes>);
 static_assert(sizeof(PlantCommand) == 24 && Sample<PlantCommand>);
-static_assert(sizeof(PlantState) == 136 && Sample<PlantState>);
+static_assert(sizeof(PlantState) == 144 && Sample<PlantState>);
 
 }  // namespace rtbus

@@ -241,7 +241,8 @@ bool SampleTraits<PlantCommand>::sane(const T& s, std::uint64_t) noexcept { retu
 bool SampleTraits<PlantState>::sane(const T& s, std::uint64_t stamp_ns) noexcept {
   return within(s.position_m, kPosition_m) && within(s.true_position_m, kPosition_m) &&
          within(s.true_velocity_m_s, kVelocity_m_s) && within(s.applied_force_n, kForce_n) &&
-         within(s.hand_force_n, kForce_n) && not_after(s.sample_time_ns, stamp_ns) && s.timed_out <= 1;
+         within(s.hand_force_n, kForce_n) && not_after(s.sample_time_ns, stamp_ns) &&
+         not_after(s.command_time_ns, stamp_ns) && s.timed_out <= 1;
 }
 
 bool SampleTraits<LinkStats>::sane(const T& s, std::uint64_t) noexcept {

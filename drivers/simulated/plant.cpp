@@ -60,6 +60,7 @@ void Plant::cycle(std::uint64_t now_ns) noexcept RTBUS_NONBLOCKING {
   state.applied_force_n = rtbus::array_of(mechanics_.applied_force_n());
   state.hand_force_n = rtbus::array_of(mechanics_.hand_force_n());
   state.sample_time_ns = now_ns;
+  state.command_time_ns = std::min(command_.stamp_ns, now_ns);
   state.buttons = mechanics_.buttons();
   state.timed_out = mechanics_.timed_out() ? 1 : 0;
   states_.publish(state, now_ns);

@@ -26,6 +26,7 @@ rtbus::Result<void, DeviceFault> PlantLink::start(std::uint64_t) {
   }
   clamped_ = 0;
   have_state_ = obeys_ = false;
+  unheard_stamp_ns_ = 0;
 
   const std::uint64_t give_up_ns = rtbus::monotonic_ns() + kStartPatienceNs;
   for (;;) {
@@ -54,7 +55,10 @@ rtbus::Result<void, DeviceFault> PlantLink::start(std::uint64_t) {
 bool PlantLink::fetch() noexcept RTBUS_NONBLOCKING {
   if (states_.read_latest(newest_) == rtbus::ReadStatus::kFresh) {
     unread_ = have_state_ = true;
-    obeys_ = obeys_ || newest_.value.timed_out == 0;
+    if (unheard_stamp_ns_ != 0 && newest_.value.command_time_ns >= unheard_stamp_ns_) {
+      unheard_stamp_ns_ = 0;
+      obeys_ = true;
+    }
   }
   return unread_;
 }
@@ -92,14 +96,22 @@ IoStatus PlantLink::read(std::uint64_t now_ns, DeviceSample& out) noexcept RTBUS
   return fresh ? IoStatus::kOk : IoStatus::kStale;
 }
 
+bool PlantLink::heard() const noexcept {
+  return unheard_stamp_ns_ == 0 || newest_.value.sample_time_ns < unheard_sent_ns_ + kUnheardAfterNs;
+}
+
 IoStatus PlantLink::write(std::uint64_t now_ns, const ForceCommand& command) noexcept RTBUS_NONBLOCKING {
   if (!commands_) return IoStatus::kLost;
   Eigen::Vector3d force_n = rtbus::vector_of(command.force_n);
   if (!limit_force(info_.max_force_n, force_n)) ++clamped_;
   commands_->publish({rtbus::array_of(force_n)}, now_ns);
-  // A plant that lets go while it is commanded does not get the commands: their topic is lost, and is being made anew.
-  // The force that it takes next has to come by a ramp.
-  return obeys_ && newest_.value.timed_out != 0 ? IoStatus::kLost : IoStatus::kOk;
+  if (unheard_stamp_ns_ == 0) {
+    unheard_stamp_ns_ = now_ns;
+    unheard_sent_ns_ = rtbus::monotonic_ns();
+  }
+  // A plant that lets go while it is commanded, or holds an old command, does not get the commands: their topic is
+  // lost, and is being made anew. The force that it takes next has to come by a ramp.
+  return obeys_ && (newest_.value.timed_out != 0 || !heard()) ? IoStatus::kLost : IoStatus::kOk;
 }
 
 void PlantLink::stop() noexcept {

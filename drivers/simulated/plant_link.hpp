@@ -22,6 +22,9 @@ class PlantLink final : public Device {
  public:
   /// A plant whose newest state is older is lost.
   static constexpr std::uint64_t kLostAfterNs = 20 * rtbus::kNsPerMs;
+  /// A command that the plant has not taken so long after it was published does not arrive. The plant looks for
+  /// commands after it takes the time of its state, so no pause of either side looks like this.
+  static constexpr std::uint64_t kUnheardAfterNs = 2 * rtbus::kNsPerMs;
   /// start() waits so long for the plant.
   static constexpr std::uint64_t kStartPatienceNs = 3 * rtbus::kNsPerS;
 
@@ -53,6 +56,8 @@ class PlantLink final : public Device {
  private:
   /// Takes in the newest state; true when it is one that nobody has read yet.
   bool fetch() noexcept RTBUS_NONBLOCKING;
+  /// False when a state of the plant shows that it no longer gets the commands.
+  bool heard() const noexcept RTBUS_NONBLOCKING;
 
   DeviceInfo info_;
   OpenContext context_;
@@ -61,9 +66,11 @@ class PlantLink final : public Device {
   std::mutex life_;  ///< Housekeeping may run beside start() and stop(); the loop takes it never.
   std::optional<rtbus::Publication<rtbus::PlantCommand>> commands_;
   rtbus::Stamped<rtbus::PlantState> newest_;
-  bool unread_ = false;      ///< newest_ came in by fetch() and was not handed out by read() yet.
-  bool have_state_ = false;  ///< Something came since start().
-  bool obeys_ = false;       ///< The plant has taken a command since start().
+  bool unread_ = false;                 ///< newest_ came in by fetch() and was not handed out by read() yet.
+  bool have_state_ = false;             ///< Something came since start().
+  bool obeys_ = false;                  ///< The plant has taken a command since start().
+  std::uint64_t unheard_stamp_ns_ = 0;  ///< Of the oldest command that the plant may not have taken; 0: it took all.
+  std::uint64_t unheard_sent_ns_ = 0;   ///< That command was there to read from then on.
   std::uint64_t next_sample_ns_ = 0;
   std::uint64_t clamped_ = 0;
 };

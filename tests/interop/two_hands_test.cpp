@@ -10,6 +10,7 @@
 #include "rtbus/contact_messages.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/topic.hpp"
+#include "tests/support/bare_loops.hpp"
 #include "tests/support/process.hpp"
 
 #if RTBUS_WITH_BULLET
@@ -67,6 +68,8 @@ class TwoHands : public testing::Test {
 
 // Each loop reads what the other does: with that of the last step alone the block falls at this rate of physics.
 TEST_F(TwoHands, HoldABlockThoughPhysicsIsSlow) {
+  // What falls stays down: one answer that comes a period late is enough.
+  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, 1e3 / 43.0);
   physics_.emplace(command("physics_node", {"--set", "physics.throttle_hz=43"}), "/dev/null");
   left_.emplace(command("haptic_node", {"--name", "left"}), "/dev/null");
   right_.emplace(command("haptic_node", {"--name", "right"}), "/dev/null");
@@ -80,7 +83,9 @@ TEST_F(TwoHands, HoldABlockThoughPhysicsIsSlow) {
     return r.value.position_m[1] > 0.015 && l.value.position_m[1] > 0.015 && r.value.force_n[0] > 1.0 &&
            l.value.force_n[0] < -1.0 && std::abs(r.value.force_n[1] + l.value.force_n[1] + 0.98) < 0.1;
   };
-  EXPECT_TRUE(eventually(20.0, both_carry)) << "right " << r.value.force_n[0] << " N, left " << l.value.force_n[0];
+  const bool carried = eventually(20.0, both_carry);
+  if (!carried && machine.pauses() > 0) GTEST_SKIP() << machine.text();
+  EXPECT_TRUE(carried) << "right " << r.value.force_n[0] << " N, left " << l.value.force_n[0];
 }
 
 // What the hand's spring holds stays held while a loop stands still; that is the promise of this method.

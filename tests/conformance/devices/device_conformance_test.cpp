@@ -221,11 +221,14 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
     return (to - from) / rtbus::seconds_between(first.time_ns, last.time_ns);
   }
 
-  // Where a busy machine made the device silent for a while, the force before did not act, and the write says so once.
+  // Where a busy machine made the device silent for a while, the force before did not act, and the write says so. As in
+  // the loop, each further try is a cycle with a read: what a device in another process does is known by what it tells.
   IoStatus write(const Vec3& force_n) {
     IoStatus status = device_->write(now_ns_, {force_n});
     for (int i = 0; i < 2000 && status == IoStatus::kLost && !GetParam().stepped_clock; ++i) {
       tick();
+      DeviceSample sample;
+      (void)device_->read(now_ns_, sample);
       status = device_->write(now_ns_, {force_n});
     }
     return status;
@@ -390,10 +393,16 @@ TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
   stop();
   ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
   EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
+  const std::uint64_t started_ns = now_ns_;
   const Vector3d soon = coasting_velocity_m_s(20);
+  const double soon_s = rtbus::seconds_between(started_ns, now_ns_);
   const Vector3d later = coasting_velocity_m_s(20);
   EXPECT_LE(later.x(), soon.x() + 0.03 * std::abs(soon.x()) + speed_noise_m_s())
       << "a force, or a sample, from before stop() was still there after start()";
+  if (soon_s > 0.030 && !HasFailure()) {
+    GTEST_SKIP() << "machine too busy: 20 cycles of 1 ms took " << 1e3 * soon_s
+                 << " ms, so a force that ends by its time-out could not be seen";
+  }
 }
 
 TEST_P(DeviceConformance, ReadAndWriteDoNotAllocate) {

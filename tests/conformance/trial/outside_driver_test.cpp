@@ -154,7 +154,9 @@ TEST_F(OutsideDriver, EachMistakeOfTheTrialDriverIsInTheTable) {
 class TrialMistake : public OutsideDriver, public ::testing::WithParamInterface<Mistake> {};
 
 TEST_P(TrialMistake, IsCaughtByItsTest) {
-  EXPECT_FALSE(passes(GetParam().name, GetParam().test));
+  const bool passed = passes(GetParam().name, GetParam().test);
+  if (passed && output().find("machine too busy: ") != std::string::npos) GTEST_SKIP() << output();
+  EXPECT_FALSE(passed);
   EXPECT_THAT(output(), HasSubstr(GetParam().says));
   EXPECT_THAT(output(), HasSubstr(GetParam().test)) << "the filter has found the test";
 }
