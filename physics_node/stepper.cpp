@@ -304,7 +304,8 @@ void Stepper::drive_tool(std::size_t proxy, double done, double dt_s) {
   ProxyTarget drive = link.target;
   drive.position_m = link.previous_target_m + done * (link.target.position_m - link.previous_target_m);
   drive.velocity_m_s = (link.target.position_m - link.previous_target_m) / dt_s;
-  drive.force_n = link.tool_push_n - link.spring_n_s / pays_back_s(link);
+  drive.force_n = link.tool_push_n;
+  drive.owed_n = -link.spring_n_s / pays_back_s(link);
   world_->drive_tool(proxy, drive);
 }
 

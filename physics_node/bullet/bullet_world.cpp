@@ -216,7 +216,15 @@ void BulletWorld::drive_tool(std::size_t index, const ProxyTarget& target) {
     world_->addRigidBody(&tool->body(), kToolGroup, kLightGroup);
     borne_[index] = Borne{};
   }
-  tool->set_target(target);
+  Borne& borne = borne_[index];
+  ProxyTarget driven = target;
+  borne.left_n.setZero();
+  if (borne.left_s > kLeft_s && touched_last(index) && target.owed_n.allFinite()) {
+    borne.left_n = target.owed_n;
+  } else {
+    driven.force_n += target.owed_n;
+  }
+  tool->set_target(driven);
 }
 
 void BulletWorld::find_light_bodies(double below_kg) {
@@ -298,6 +306,7 @@ void BulletWorld::place_moving(double h) {
 
 void BulletWorld::before_dynamics(double) {}
 void BulletWorld::after_dynamics(double) {}
+bool BulletWorld::touched_last(std::size_t) const { return false; }
 void BulletWorld::add_more_contacts(std::size_t, double, ContactSet&) const {}
 
 bool BulletWorld::in_pile(const btRigidBody& body) {
@@ -351,7 +360,10 @@ void BulletWorld::step(double step_s) {
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     if (!tools_[i]) continue;
     tools_[i]->after_step(h, [] { return 1U; });
-    proxies_[i]->bear(tools_[i]->state());
+    ProxyReadout borne = tools_[i]->state();
+    borne.coupling_force_n += borne_[i].left_n;
+    borne.contact_force_n -= borne_[i].left_n;
+    proxies_[i]->bear(borne);
   }
   bear_tools(h);
 }
@@ -367,6 +379,7 @@ void BulletWorld::bear_tools(double h) {
     borne.mean_n += share * (borne.once_n - borne.mean_n);
     borne.mean_m += share * (borne.once_m - borne.mean_m);
     if (now.contact_force_n.isZero(0.0) && borne.mean_n.norm() < kNothing_n) borne.mean_n.setZero();
+    borne.left_s = now.contact_force_n.isZero(0.0) ? borne.left_s + h : 0.0;
     borne.steps += 1.0;
     borne.time_s += h;
   }

@@ -87,13 +87,20 @@ class BulletWorld : public World {
     Eigen::Vector3d mean_n = Eigen::Vector3d::Zero(), mean_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d once_n = Eigen::Vector3d::Zero(), once_m = Eigen::Vector3d::Zero();  ///< On the way to the means.
     double steps = 0.0, time_s = 0.0;                                                    ///< Since the tool is there.
+    double left_s = 0.0;                               ///< Since it touched something.
+    Eigen::Vector3d left_n = Eigen::Vector3d::Zero();  ///< What it touched last gets that in the next step.
     /// Of light bodies: mean, place and time when it was told last, and the stiffness between.
     double told_s = 0.0;
     Eigen::Vector3d told_n = Eigen::Vector3d::Zero(), told_m = Eigen::Vector3d::Zero();
     double stiffness_n_per_m = 0.0;
   };
   static constexpr double kMean_s = 4e-3;
+  /// A tool that chatters has not left.
+  static constexpr double kLeft_s = 0.02;
   [[nodiscard]] const Borne& borne(std::size_t proxy) const { return borne_[proxy]; }
+
+  /// Whether it is known which parts that yield a tool touched last, so that Borne::left_n reaches them.
+  [[nodiscard]] virtual bool touched_last(std::size_t tool) const;
 
   /// Appends further contacts after those of the rigid bodies.
   virtual void add_more_contacts(std::size_t proxy, double radius_m, ContactSet& out) const;

@@ -34,6 +34,8 @@ struct ProxyTarget {
   double damping_n_s_per_m = 0.0;  ///< In the world, likewise.
   /// Besides the spring: constant over the step, whatever the proxy does meanwhile (an explicit spring, `form: paper`).
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();
+  /// Only of drive_tool(), more of the same. Once the tool has left, those parts that it touched last get it directly.
+  Eigen::Vector3d owed_n = Eigen::Vector3d::Zero();
 };
 
 /// The proxy after the last step.

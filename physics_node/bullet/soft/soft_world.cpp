@@ -54,6 +54,30 @@ SoftWorld::~SoftWorld() {
 void SoftWorld::before_dynamics(double h) {
   h_ = h;
   for (const auto& body : bodies_) body->before_step(h);
+  for (std::size_t i = 0; i < touched_.size(); ++i) {
+    if (!tools()[i] || borne(i).left_n.isZero(0.0)) continue;
+    for (const TouchedNode& each : touched_[i]) each.node->m_f += to_bullet(each.share * borne(i).left_n, scale());
+  }
+}
+
+/// The deeper a node is in the tool, the more of its force it bears.
+void SoftWorld::note_touched(std::size_t tool, const std::vector<int>& contacts_before) {
+  const auto now = [&](std::size_t body) { return bodies_[body]->soft().m_rcontacts.size(); };
+  std::size_t more = 0;
+  for (std::size_t b = 0; b < bodies_.size(); ++b) more += static_cast<std::size_t>(now(b) - contacts_before[b]);
+  if (more == 0) return;
+  std::vector<TouchedNode>& nodes = touched_[tool];
+  nodes.clear();
+  double sum = 0.0;
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    for (int i = contacts_before[b]; i < now(b); ++i) {
+      const btSoftBody::RContact& contact = bodies_[b]->soft().m_rcontacts[i];
+      const btScalar gap = contact.m_cti.m_offset + contact.m_node->m_x.dot(contact.m_cti.m_normal);
+      nodes.push_back({contact.m_node, std::max(0.0, -static_cast<double>(gap))});
+      sum += nodes.back().share;
+    }
+  }
+  for (TouchedNode& each : nodes) each.share = sum > 0.0 ? each.share / sum : 1.0 / static_cast<double>(nodes.size());
 }
 
 void SoftWorld::collide() {
@@ -63,9 +87,17 @@ void SoftWorld::collide() {
       if (!proxy->released() && !proxy->placed())
         collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness);
     }
-    for (const auto& tool : tools()) {
-      if (tool) collide_with_proxy(made->soft(), *tool, made->body().contact_hardness);
+  }
+  touched_.resize(tools().size());
+  contacts_before_.resize(bodies_.size());
+  for (std::size_t i = 0; i < tools().size(); ++i) {
+    if (!tools()[i]) continue;
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+      MadeSoftBody& made = *bodies_[b];
+      contacts_before_[b] = made.soft().m_rcontacts.size();
+      collide_with_proxy(made.soft(), *tools()[i], made.body().contact_hardness);
     }
+    note_touched(i, contacts_before_);
   }
 }
 
@@ -96,7 +128,9 @@ void SoftWorld::collide_with_body(btSoftBody& soft, const SceneBody& body, doubl
   }
 }
 
-/// Against where the proxy comes to in this step: what it would pass through is found on its way.
+/// Against where the proxy comes to in this step: what it would pass through is found on its way. Of a penetration a
+/// node gets m_tool/(m_tool + m_node). `hardness` makes up for that, so that a light tool presses as deep as a heavy
+/// one.
 void SoftWorld::collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness) {
   btRigidBody& rigid = proxy.body();
   const btVector3 centre =
@@ -111,7 +145,9 @@ void SoftWorld::collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double 
     if (distance2 >= reach * reach) continue;
     const btScalar distance = btSqrt(distance2);
     const btVector3 normal = distance > reach * btScalar(1e-6) ? offset / distance : node.m_n * btScalar(-1);
-    add_contact(soft, node, rigid, from_bullet(normal), static_cast<double>(distance - reach), hardness);
+    const double lighter = static_cast<double>(rigid.getInvMass() / btMax(node.m_im, btScalar(1e-9)));
+    add_contact(soft, node, rigid, from_bullet(normal), static_cast<double>(distance - reach),
+                std::min(1.0, hardness * (1.0 + lighter)));
   }
 }
 

@@ -63,10 +63,19 @@ class SoftWorld final : public BulletWorld {
   struct Course {
     std::array<ToolReaction::Instant, 2> instants{};
   };
+  /// A node that a tool touched last, and its share of what the tool bore.
+  struct TouchedNode {
+    btSoftBody::Node* node = nullptr;
+    double share = 0.0;
+  };
   [[nodiscard]] bool anything_yields() const override { return true; }
+  [[nodiscard]] bool touched_last(std::size_t tool) const override {
+    return tool < touched_.size() && !touched_[tool].empty();
+  }
   void before_dynamics(double h) override;
   void after_dynamics(double h) override;
   void collide();
+  void note_touched(std::size_t tool, const std::vector<int>& contacts_before);
   void collide_with_body(btSoftBody& soft, const SceneBody& body, double hardness);
   void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness);
   void collide_with_fixed(MadeSoftBody& copy);
@@ -87,10 +96,12 @@ class SoftWorld final : public BulletWorld {
 
   SoftDynamics& soft_dynamics_;
   std::vector<std::unique_ptr<MadeSoftBody>> bodies_;
-  std::vector<const btSoftBody::Node*> nodes_;  // of all bodies, in order
-  std::vector<btVector3> velocities_;           // of proxies, then tools, with which they were moved
-  std::vector<Seen> seen_;                      // by proxy
-  std::vector<NearPoint> near_;                 // kept for its memory
+  std::vector<const btSoftBody::Node*> nodes_;     // of all bodies, in order
+  std::vector<btVector3> velocities_;              // of proxies, then tools, with which they were moved
+  std::vector<Seen> seen_;                         // by proxy
+  std::vector<std::vector<TouchedNode>> touched_;  // by proxy
+  std::vector<int> contacts_before_;               // by body; kept for its memory
+  std::vector<NearPoint> near_;                    // kept for its memory
   double h_ = 1e-3;
   std::uint64_t recoveries_ = 0;
 };

@@ -145,6 +145,32 @@ TEST(SoftContacts, WhatPushesTheToolMovesTheBody) {
   EXPECT_LT(middle_of(*world).y(), before_m.y());
 }
 
+// Newton's third law to the end: what the hand felt last arrives when the tool has left.
+TEST(SoftContacts, WhatIsOwedReachesTheBodyThoughTheToolHasLeft) {
+  const Vector3d touching_m(0, 2 * (kRadius_m + kMargin_m) + kTool_m - 1e-3, 0), away_m(0, kAbove_m, 0);
+  const Vector3d owed_n(0.05, -0.1, 0.0);
+  constexpr int kOwedSteps = 20;
+  const auto velocity_after = [&](const Vector3d& owed) {
+    const auto world = with_placed_tool(soft_ball(false), touching_m);
+    press(*world, touching_m, 0.02);
+    press(*world, away_m, 0.05);
+    Vector3d before_m = Vector3d::Zero();
+    for (int i = 0; i < kOwedSteps; ++i) {
+      world->place_proxy(0, away_m, Vector3d::Zero());
+      physics::ProxyTarget target = target_at(away_m);
+      target.owed_n = owed;
+      world->drive_tool(0, target);
+      before_m = middle_of(*world);
+      world->step(kStep_s);
+      EXPECT_LT((world->proxy(0).contact_force_n + owed).norm(), 1e-9) << "what the bodies got is told";
+    }
+    return Vector3d((middle_of(*world) - before_m) / kStep_s);
+  };
+  const Vector3d gained_n_s = kMass_kg * (velocity_after(owed_n) - velocity_after(Vector3d::Zero()));
+  const Vector3d given_n_s = kOwedSteps * kStep_s * owed_n;
+  EXPECT_LT((gained_n_s - given_n_s).norm(), 0.1 * given_n_s.norm()) << gained_n_s.transpose();
+}
+
 TEST(SoftContacts, TellWhatTheToolBearsAtRest) {
   const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
   const Vector3d at(0, settle(*world, kAbove_m) - 0.006, 0);
