@@ -45,7 +45,8 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   foreseen_n_s_.reset();
   eased_n_.setZero();
   work_j_ = lifted_j_ = 0.0;
-  for (LocalBody& body : bodies_) body.used = false;
+  for (LocalBody& body : slots()) body.used = false;
+  slots_ = 0;
   contacts_.reset();
   supports_.count = 0;
   impulses_.release_all();
@@ -60,9 +61,9 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
 
 /// A body of a pile, which no single impulse moves, feels other hands through physics alone.
 void LocalWorld::hear(std::span<const OtherHand> hands, std::uint64_t sample_ns) noexcept {
-  for (LocalBody& body : bodies_) body.heard = Impulse{};
+  for (LocalBody& body : slots()) body.heard = Impulse{};
   other_hands_.hear(hands, sample_ns, [this](std::uint32_t index, const Impulse& more) {
-    for (LocalBody& body : bodies_) {
+    for (LocalBody& body : slots()) {
       if (body.used && body.index == index) body.heard += more;
     }
   });
@@ -86,18 +87,18 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
   correction_m_.reset();
   contacts_.remember(bodies_, proxy_);
 
-  for (LocalBody& body : bodies_) body.named = false;
+  for (LocalBody& body : slots()) body.named = false;
   const std::size_t rigid = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
   std::array<std::size_t, rtbus::kContactSlots> slot_of_row{};
   std::array<Quaterniond, rtbus::kContactSlots> turned;
   // The local world is at its last sample: the step to the one of `now_ns` comes after this.
   take_rigid(answer, std::min(now_ns, now_ns_), slot_of_row, turned);
-  for (LocalBody& body : bodies_) {
+  for (LocalBody& body : slots()) {
     if (auto* const free = body.as<FreeBody>(); free != nullptr && !body.named) free->leave_supports();
   }
   const auto rigid_m = contacts_.take({answer, now_ns, rigid, slot_of_row, turned}, bodies_, proxy_, shapes_);
   if (rigid_m) correction_m_ = std::max(correction_m_.value_or(0.0), *rigid_m);
-  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+  for (std::size_t slot = 0; slot < slots_; ++slot) {
     const LocalBody& body = bodies_[slot];
     if (body.used && !body.named && !contacts_.any_of(slot)) free_slot(slot);
   }
@@ -116,14 +117,16 @@ void LocalWorld::free_slot(std::size_t slot) noexcept {
   contacts_.drop(slot);
   impulses_.release(bodies_[slot].place);
   bodies_[slot].used = false;
+  while (slots_ > 0 && !bodies_[slots_ - 1].used) --slots_;
 }
 
 std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
-  std::size_t free = kBodies;
-  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+  std::size_t free = slots_;
+  for (std::size_t slot = slots_; slot-- > 0;) {
     if (bodies_[slot].used && bodies_[slot].index == index) return slot;
-    if (!bodies_[slot].used && free == kBodies) free = slot;
+    if (!bodies_[slot].used) free = slot;
   }
+  slots_ = std::max(slots_, std::min(free + 1, kBodies));
   if (free < kBodies) return free;
   // All are taken: one that this answer does not name must go, and is not felt: the contacts of that are to recede.
   std::array<bool, kBodies> felt{};
@@ -132,6 +135,7 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
     for (std::size_t slot = 0; slot < kBodies; ++slot) {
       if (bodies_[slot].named || (unfelt && felt[slot])) continue;
       free_slot(slot);
+      slots_ = std::max(slots_, slot + 1);
       return slot;
     }
   }
@@ -339,7 +343,7 @@ void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
 void LocalWorld::brake(double h) noexcept {
   const bool news = begun_ns_ <= good_until_ns_;
   const double slower = std::exp(-h / tuning_.blend_floor_s);
-  for (LocalBody& body : bodies_) {
+  for (LocalBody& body : slots()) {
     if (!body.used || (body.named && news)) continue;
     body.motion.brake(slower);
     if (auto* const free = body.as<FreeBody>()) free->brake();
@@ -356,7 +360,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
   std::size_t rows = solved_contacts_;
   int next = 1;
   light_kg_ = 0.0;
-  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+  for (std::size_t slot = 0; slot < slots_; ++slot) {
     auto* const free = bodies_[slot].as<FreeBody>();
     if (free == nullptr || !bodies_[slot].used) continue;
     if (touched[slot]) light_kg_ = std::max(light_kg_, free->light_kg(proxy_kg_));
@@ -371,7 +375,7 @@ std::size_t LocalWorld::gather(double h) noexcept {
     if (const auto* const free = body.as<FreeBody>()) free->fill_row(contact.late_m_s, rows_[i]);
     if (const auto* const pile = body.as<PileBody>()) pile->fill_row(hand_m_s_, h, rows_[i]);
   }
-  for (LocalBody& body : bodies_) {
+  for (LocalBody& body : slots()) {
     auto* const free = body.as<FreeBody>();
     if (free != nullptr && body.used) rows += free->add_rows(body.motion, supports_, h, rows_.data(), rows);
   }
@@ -416,7 +420,7 @@ void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
 
 void LocalWorld::move_bodies(double h) noexcept {
   StepSolution step{solver_bodies_.data(), rows_.data(), h};
-  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+  for (std::size_t slot = 0; slot < slots_; ++slot) {
     LocalBody& body = bodies_[slot];
     if (!body.used) continue;
     if (auto* const driven = body.as<DrivenBody>()) driven->advance(step, body.motion);

@@ -92,6 +92,7 @@ class LocalWorld {
   static_assert(HandImpulses::kHeld >= kBodies + 1 && HandImpulses::kMostEntries >= ProxyContactSet::kSolved + 1);
   static constexpr std::size_t kMostRows = HandImpulses::kMostEntries + SupportPool::kSupports;
 
+  [[nodiscard]] std::span<LocalBody> slots() noexcept { return {bodies_.data(), slots_}; }
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
   void take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t now_ns, std::span<std::size_t> slot_of_row,
                   std::span<Eigen::Quaterniond> turned) noexcept;
@@ -132,6 +133,7 @@ class LocalWorld {
   double tick_s_ = 1e-3;  ///< Of the last step.
 
   std::array<LocalBody, kBodies> bodies_{};
+  std::size_t slots_ = 0;  ///< None is used from here on: a tick does not look there.
   ProxyContactSet contacts_;
   SupportPool supports_, old_supports_;
   YieldingBodies yielding_;

@@ -17,6 +17,7 @@
 #include "physics_node/node_config.hpp"
 #include "physics_node/stepper.hpp"
 #include "rtbus/config/session.hpp"
+#include "rtbus/copy_rows.hpp"
 #include "rtbus/histogram.hpp"
 #include "tools/harness/random.hpp"
 #include "tools/harness/simulated_link.hpp"
@@ -142,7 +143,11 @@ class Harness {
       return std::exchange(proxy_fresh, false) && (out = proxy, true);
     }
     bool receive(rtbus::Stamped<rtbus::ProxyContacts>& out) noexcept override {
-      return std::exchange(contacts_fresh, false) && (out = contacts, true);
+      if (!std::exchange(contacts_fresh, false)) return false;
+      rtbus::copy_rows(contacts.value, out.value);  // as over the bus
+      out.sequence = contacts.sequence;
+      out.stamp_ns = contacts.stamp_ns;
+      return true;
     }
     bool receive(std::size_t other, rtbus::Stamped<rtbus::DeviceState>& out) noexcept override {
       const rtbus::Stamped<rtbus::DeviceState>& newest = other_hands[other]->device;

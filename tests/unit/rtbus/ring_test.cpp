@@ -1,6 +1,7 @@
 // Order, counting and the bounds of the copying protocol.
 #include "rtbus/detail/seqlock.hpp"
 
+#include "rtbus/copy_rows.hpp"
 #include "rtbus/topic.hpp"
 #include "tests/unit/rtbus/scratch_session.hpp"
 
@@ -231,6 +232,23 @@ TEST(Reader, RowsThatAreNotCountedKeepWhatTheyHad) {
   ASSERT_EQ(reader->read_latest_rows(got), ReadStatus::kFresh);
   EXPECT_EQ(got.value.point_m[8], 1.5) << "from the sample before";
   EXPECT_EQ(got.value.name, (std::array<std::uint64_t, 5>{11, 11, 0, 0, 0}));
+}
+
+TEST(CopyRows, CopiesWhatAReaderOfRowsCopies) {
+  ScratchSession session;
+  auto writer = Writer<Tables>::create(session, "x");
+  auto reader = Reader<Tables>::open(session, "x");
+  ASSERT_TRUE(reader);
+  for (const std::uint32_t points : {0U, 3U, 4U, 0xffffffffU}) {
+    for (const std::uint32_t names : {0U, 2U, 5U, 6U}) {
+      Stamped<Tables> read;
+      Tables copied;
+      writer->publish(filled(points, names), 5);
+      ASSERT_EQ(reader->read_latest_rows(read), ReadStatus::kFresh);
+      copy_rows(filled(points, names), copied);
+      EXPECT_EQ(std::memcmp(&copied, &read.value, sizeof copied), 0) << points << ' ' << names;
+    }
+  }
 }
 
 TEST(Reader, CountsThatMakeNoSenseDoNotLeadOutOfTheTable) {
