@@ -149,21 +149,34 @@ TEST_F(ViewRecording, ProxyAndMovingPlateAreWhereTheyWere) {
   tab.open(server.url());
   expect_ready(tab);
   constexpr double kMappedBy_m = 0.005;  // telemetry is in the device's frame
-  std::vector<double> proxy_px, plate_px;
+  // Bodies are shown between the two frames around the instant. A small scene is one row of the topic.
+  const rtbus::recording::RecordedTopic* const bodies = recording->find("physics.body_poses");
+  ASSERT_NE(bodies, nullptr);
+  const std::vector<std::uint64_t> frames_ns = recording->stamps_ns(*bodies);
+  constexpr std::uint32_t kPlate = 1;  // in the scene's order
+  const std::vector<double> plate_y_m = recording->column(*bodies, "position_m", 3 * kPlate + 1);
+  const auto plate_at_m = [&](std::uint64_t time_ns) {
+    const auto after =
+        std::clamp<std::ptrdiff_t>(std::upper_bound(frames_ns.begin(), frames_ns.end(), time_ns) - frames_ns.begin(), 1,
+                                   std::ssize(frames_ns) - 1);
+    const auto next = static_cast<std::size_t>(after);
+    const double share = rtbus::seconds_between(frames_ns[next - 1], time_ns) /
+                         rtbus::seconds_between(frames_ns[next - 1], frames_ns[next]);
+    return std::lerp(plate_y_m[next - 1], plate_y_m[next], std::clamp(share, 0.0, 1.0));
+  };
+  std::vector<double> proxy_px, plate_px, plate_m;
   for (const auto& y_m : {lowest, highest}) {
-    const std::string time_s =
-        std::to_string(static_cast<double>(stamps_ns[static_cast<std::size_t>(y_m - proxy_y_m.begin())]) * 1e-9);
+    const std::uint64_t time_ns = stamps_ns[static_cast<std::size_t>(y_m - proxy_y_m.begin())];
+    const std::string time_s = std::to_string(static_cast<double>(time_ns) * 1e-9);
     tab.evaluate("rtbusTest.page.link.play({ at: " + time_s +
                  " - rtbusTest.page.playback.about.begin_s, playing: false })");
     const double drawn_m = *y_m + kMappedBy_m;
     ASSERT_TRUE(tab.becomes("Math.abs(rtbusTest.page.hands.now[0].proxy[1] - " + std::to_string(drawn_m) + ") < 2e-4"))
         << drawn_m << ' ' << tab.evaluate("rtbusTest.page.hands.now[0].proxy[1]");
-    // Bodies come by themselves, some frames after the hand. It rests on the plate: half its height and the tip's
-    // radius.
-    constexpr double kAbovePlate_m = 0.015;
-    EXPECT_TRUE(
-        tab.becomes("Math.abs(rtbusTest.bodyAt('plate')[1] - " + std::to_string(drawn_m - kAbovePlate_m) + ") < 0.002"))
-        << drawn_m << ' ' << tab.evaluate("rtbusTest.bodyAt('plate')[1]");
+    // Bodies come by themselves, some frames after the hand.
+    plate_m.push_back(plate_at_m(time_ns));
+    EXPECT_TRUE(tab.becomes("Math.abs(rtbusTest.bodyAt('plate')[1] - " + std::to_string(plate_m.back()) + ") < 1e-4"))
+        << plate_m.back() << ' ' << tab.evaluate("rtbusTest.bodyAt('plate')[1]");
     const json seen = colours(tab, "[rtbusTest.proxyOnScreen()]");
     const json& rgb = seen["colours"][0];
     EXPECT_GT(rgb[2].get<int>(), rgb[0].get<int>() + 40) << seen;  // blue
@@ -177,8 +190,9 @@ TEST_F(ViewRecording, ProxyAndMovingPlateAreWhereTheyWere) {
               "plate");
     plate_px.push_back(at[1]);
   }
-  EXPECT_LT(proxy_px[1], proxy_px[0] - 10.0);  // up on the screen
-  EXPECT_NEAR(plate_px[1] - plate_px[0], proxy_px[1] - proxy_px[0], 0.35 * (proxy_px[0] - proxy_px[1]));
+  EXPECT_LT(proxy_px[1], proxy_px[0] - 10.0);                             // up on the screen
+  const double share = (plate_m[1] - plate_m[0]) / (*highest - *lowest);  // 1 while the hand rests on it
+  EXPECT_NEAR(plate_px[1] - plate_px[0], share * (proxy_px[1] - proxy_px[0]), 0.35 * (proxy_px[0] - proxy_px[1]));
   keep(tab, "moving_plate");
 }
 #endif
