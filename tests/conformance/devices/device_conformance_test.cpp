@@ -393,7 +393,7 @@ TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
   stop();
   ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
   EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
-  const std::uint64_t started_ns = now_ns_;
+  const std::uint64_t started_ns = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
   const Vector3d soon = coasting_velocity_m_s(20);
   const double soon_s = rtbus::seconds_between(started_ns, now_ns_);
   const Vector3d later = coasting_velocity_m_s(20);
