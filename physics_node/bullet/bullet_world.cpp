@@ -219,7 +219,7 @@ void BulletWorld::drive_tool(std::size_t index, const ProxyTarget& target) {
   Borne& borne = borne_[index];
   ProxyTarget driven = target;
   borne.left_n.setZero();
-  if (borne.left_s > kLeft_s && touched_last(index) && target.owed_n.allFinite()) {
+  if (borne.left_s > kLeft_s && borne.left_s < kPaid_s && touched_last(index) && target.owed_n.allFinite()) {
     borne.left_n = target.owed_n;
   } else {
     driven.force_n += target.owed_n;

@@ -2,6 +2,7 @@
 /// @file bullet_world.hpp
 /// The engine `bullet`: rigid bodies of any shape that move, stack, slide and sleep. Only files of this folder include
 /// Bullet; they make a module of their own (module.cpp).
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -87,7 +88,8 @@ class BulletWorld : public World {
     Eigen::Vector3d mean_n = Eigen::Vector3d::Zero(), mean_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d once_n = Eigen::Vector3d::Zero(), once_m = Eigen::Vector3d::Zero();  ///< On the way to the means.
     double steps = 0.0, time_s = 0.0;                                                    ///< Since the tool is there.
-    double left_s = 0.0;                               ///< Since it touched something.
+    /// Since it touched something; infinite: it has not yet.
+    double left_s = std::numeric_limits<double>::infinity();
     Eigen::Vector3d left_n = Eigen::Vector3d::Zero();  ///< What it touched last gets that in the next step.
     /// Of light bodies: mean, place and time when it was told last, and the stiffness between.
     double told_s = 0.0;
@@ -97,6 +99,8 @@ class BulletWorld : public World {
   static constexpr double kMean_s = 4e-3;
   /// A tool that chatters has not left.
   static constexpr double kLeft_s = 0.02;
+  /// And what it touched longer ago is owed nothing.
+  static constexpr double kPaid_s = 0.5;
   [[nodiscard]] const Borne& borne(std::size_t proxy) const { return borne_[proxy]; }
 
   /// Whether it is known which parts that yield a tool touched last, so that Borne::left_n reaches them.

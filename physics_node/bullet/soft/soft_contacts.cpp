@@ -134,7 +134,7 @@ SoftWorld::Course SoftWorld::run_course(ToolAhead& course, const BulletProxy& to
   course.start(near, from_m, velocity_m_s);
   const auto collide = [this](MadeSoftBody& copy, BulletProxy& held) {
     collide_with_fixed(copy);
-    collide_with_proxy(copy.soft(), held, copy.body().contact_hardness);
+    collide_with_proxy(copy.soft(), held, copy.body().contact_hardness, true);
   };
   const std::vector<const MadeSoftBody*> copies(course.bodies().begin(), course.bodies().end());
   Course out;

@@ -56,28 +56,37 @@ void SoftWorld::before_dynamics(double h) {
   for (const auto& body : bodies_) body->before_step(h);
   for (std::size_t i = 0; i < touched_.size(); ++i) {
     if (!tools()[i] || borne(i).left_n.isZero(0.0)) continue;
-    for (const TouchedNode& each : touched_[i]) each.node->m_f += to_bullet(each.share * borne(i).left_n, scale());
+    for (const Touched::Node& each : touched_[i].nodes)
+      each.node->m_f += to_bullet(each.share * borne(i).left_n, scale());
   }
 }
 
+/// Not where the tool has touched a light body after the nodes.
+bool SoftWorld::touched_last(std::size_t tool) const {
+  return tool < touched_.size() && !touched_[tool].nodes.empty() &&
+         touched_[tool].since_s <= borne(tool).left_s + 0.5 * h_;
+}
+
 /// The deeper a node is in the tool, the more of its force it bears.
-void SoftWorld::note_touched(std::size_t tool, const std::vector<int>& contacts_before) {
-  const auto now = [&](std::size_t body) { return bodies_[body]->soft().m_rcontacts.size(); };
-  std::size_t more = 0;
-  for (std::size_t b = 0; b < bodies_.size(); ++b) more += static_cast<std::size_t>(now(b) - contacts_before[b]);
-  if (more == 0) return;
-  std::vector<TouchedNode>& nodes = touched_[tool];
-  nodes.clear();
+void SoftWorld::note_touched(std::size_t tool) {
+  Touched& touched = touched_[tool];
+  const auto contacts = [&](std::size_t body) -> auto& { return bodies_[body]->soft().m_rcontacts; };
+  bool any = false;
+  for (std::size_t b = 0; b < bodies_.size(); ++b) any = any || contacts(b).size() > contacts_before_[b];
+  touched.since_s = any ? 0.0 : touched.since_s + h_;
+  if (!any) return;
+  touched.nodes.clear();
   double sum = 0.0;
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    for (int i = contacts_before[b]; i < now(b); ++i) {
-      const btSoftBody::RContact& contact = bodies_[b]->soft().m_rcontacts[i];
+    for (int i = contacts_before_[b]; i < contacts(b).size(); ++i) {
+      const btSoftBody::RContact& contact = contacts(b)[i];
       const btScalar gap = contact.m_cti.m_offset + contact.m_node->m_x.dot(contact.m_cti.m_normal);
-      nodes.push_back({contact.m_node, std::max(0.0, -static_cast<double>(gap))});
-      sum += nodes.back().share;
+      touched.nodes.push_back({contact.m_node, std::max(0.0, -static_cast<double>(gap))});
+      sum += touched.nodes.back().share;
     }
   }
-  for (TouchedNode& each : nodes) each.share = sum > 0.0 ? each.share / sum : 1.0 / static_cast<double>(nodes.size());
+  const double evenly = 1.0 / static_cast<double>(touched.nodes.size());
+  for (Touched::Node& each : touched.nodes) each.share = sum > 0.0 ? each.share / sum : evenly;
 }
 
 void SoftWorld::collide() {
@@ -85,7 +94,7 @@ void SoftWorld::collide() {
     for (const SceneBody& body : scene_bodies()) collide_with_body(made->soft(), body, made->body().contact_hardness);
     for (const auto& proxy : proxies()) {
       if (!proxy->released() && !proxy->placed())
-        collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness);
+        collide_with_proxy(made->soft(), *proxy, made->body().contact_hardness, false);
     }
   }
   touched_.resize(tools().size());
@@ -95,9 +104,9 @@ void SoftWorld::collide() {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
       MadeSoftBody& made = *bodies_[b];
       contacts_before_[b] = made.soft().m_rcontacts.size();
-      collide_with_proxy(made.soft(), *tools()[i], made.body().contact_hardness);
+      collide_with_proxy(made.soft(), *tools()[i], made.body().contact_hardness, true);
     }
-    note_touched(i, contacts_before_);
+    note_touched(i);
   }
 }
 
@@ -129,9 +138,9 @@ void SoftWorld::collide_with_body(btSoftBody& soft, const SceneBody& body, doubl
 }
 
 /// Against where the proxy comes to in this step: what it would pass through is found on its way. Of a penetration a
-/// node gets m_tool/(m_tool + m_node). `hardness` makes up for that, so that a light tool presses as deep as a heavy
-/// one.
-void SoftWorld::collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness) {
+/// node gets m_tool/(m_tool + m_node). With the massless tool `hardness` makes up for that: it presses as deep as a
+/// heavy one. A node that is held gets nothing either way.
+void SoftWorld::collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness, bool massless) {
   btRigidBody& rigid = proxy.body();
   const btVector3 centre =
       rigid.getWorldTransform().getOrigin() + rigid.getLinearVelocity() * static_cast<btScalar>(h_);
@@ -145,9 +154,10 @@ void SoftWorld::collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double 
     if (distance2 >= reach * reach) continue;
     const btScalar distance = btSqrt(distance2);
     const btVector3 normal = distance > reach * btScalar(1e-6) ? offset / distance : node.m_n * btScalar(-1);
-    const double lighter = static_cast<double>(rigid.getInvMass() / btMax(node.m_im, btScalar(1e-9)));
+    const bool gives_way = massless && node.m_im > 0;
+    const double heavier = gives_way ? static_cast<double>(rigid.getInvMass() / node.m_im) : 0.0;
     add_contact(soft, node, rigid, from_bullet(normal), static_cast<double>(distance - reach),
-                std::min(1.0, hardness * (1.0 + lighter)));
+                std::min(1.0, hardness * (1.0 + heavier)));
   }
 }
 

@@ -63,21 +63,24 @@ class SoftWorld final : public BulletWorld {
   struct Course {
     std::array<ToolReaction::Instant, 2> instants{};
   };
-  /// A node that a tool touched last, and its share of what the tool bore.
-  struct TouchedNode {
-    btSoftBody::Node* node = nullptr;
-    double share = 0.0;
+  /// What a tool touched last.
+  struct Touched {
+    struct Node {
+      btSoftBody::Node* node = nullptr;
+      double share = 0.0;  ///< Of what the tool bore, 0 to 1.
+    };
+    std::vector<Node> nodes;
+    double since_s = 0.0;  ///< Since it touched any.
   };
   [[nodiscard]] bool anything_yields() const override { return true; }
-  [[nodiscard]] bool touched_last(std::size_t tool) const override {
-    return tool < touched_.size() && !touched_[tool].empty();
-  }
+  [[nodiscard]] bool touched_last(std::size_t tool) const override;
   void before_dynamics(double h) override;
   void after_dynamics(double h) override;
   void collide();
-  void note_touched(std::size_t tool, const std::vector<int>& contacts_before);
+  void note_touched(std::size_t tool);
   void collide_with_body(btSoftBody& soft, const SceneBody& body, double hardness);
-  void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness);
+  /// @param massless The tool of drive_tool().
+  void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness, bool massless);
   void collide_with_fixed(MadeSoftBody& copy);
   /// @param radius Of the tool [units].
   [[nodiscard]] NearNode nearest_node(const MadeSoftBody& made, const Eigen::Vector3d& tool_m, double radius) const;
@@ -96,12 +99,12 @@ class SoftWorld final : public BulletWorld {
 
   SoftDynamics& soft_dynamics_;
   std::vector<std::unique_ptr<MadeSoftBody>> bodies_;
-  std::vector<const btSoftBody::Node*> nodes_;     // of all bodies, in order
-  std::vector<btVector3> velocities_;              // of proxies, then tools, with which they were moved
-  std::vector<Seen> seen_;                         // by proxy
-  std::vector<std::vector<TouchedNode>> touched_;  // by proxy
-  std::vector<int> contacts_before_;               // by body; kept for its memory
-  std::vector<NearPoint> near_;                    // kept for its memory
+  std::vector<const btSoftBody::Node*> nodes_;  // of all bodies, in order
+  std::vector<btVector3> velocities_;           // of proxies, then tools, with which they were moved
+  std::vector<Seen> seen_;                      // by proxy
+  std::vector<Touched> touched_;                // by proxy
+  std::vector<int> contacts_before_;            // by body, before those of a tool
+  std::vector<NearPoint> near_;                 // kept for its memory
   double h_ = 1e-3;
   std::uint64_t recoveries_ = 0;
 };

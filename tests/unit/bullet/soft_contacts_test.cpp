@@ -171,6 +171,29 @@ TEST(SoftContacts, WhatIsOwedReachesTheBodyThoughTheToolHasLeft) {
   EXPECT_LT((gained_n_s - given_n_s).norm(), 0.1 * given_n_s.norm()) << gained_n_s.transpose();
 }
 
+// Long after, or with a tool that is new, what is owed is no longer the body's.
+TEST(SoftContacts, NothingOfWhatIsOwedReachesABodyThatTheToolDidNotTouchOfLate) {
+  const Vector3d touching_m(0, 2 * (kRadius_m + kMargin_m) + kTool_m - 1e-3, 0), away_m(0, kAbove_m, 0);
+  for (const bool anew : {false, true}) {
+    const auto nodes_after = [&](const Vector3d& owed_n) {
+      const auto world = with_placed_tool(soft_ball(false), touching_m);
+      press(*world, touching_m, 0.02);
+      press(*world, away_m, anew ? 0.05 : 1.0);
+      if (anew) world->reset_proxy(0, away_m);
+      for (int i = 0; i < 100; ++i) {
+        world->place_proxy(0, away_m, Vector3d::Zero());
+        physics::ProxyTarget target = target_at(away_m);
+        target.owed_n = owed_n;
+        world->drive_tool(0, target);
+        world->step(kStep_s);
+      }
+      return middle_of(*world);
+    };
+    EXPECT_EQ(nodes_after(Vector3d(0.05, 0.1, 0)), nodes_after(Vector3d::Zero()))
+        << (anew ? "a new tool" : "long after");
+  }
+}
+
 TEST(SoftContacts, TellWhatTheToolBearsAtRest) {
   const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
   const Vector3d at(0, settle(*world, kAbove_m) - 0.006, 0);
