@@ -20,6 +20,7 @@
 #include "drivers/registry/registry.hpp"
 #include "rtbus/clock.hpp"
 #include "tests/conformance/devices/plant_process.hpp"
+#include "tests/support/bare_loops.hpp"
 #if RTBUS_WITH_HDF5
 #include "tests/support/recording.hpp"
 #endif
@@ -393,15 +394,16 @@ TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
   stop();
   ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
   EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
+  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, 1.0);
   const std::uint64_t started_ns = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
   const Vector3d soon = coasting_velocity_m_s(20);
   const double soon_s = rtbus::seconds_between(started_ns, now_ns_);
   const Vector3d later = coasting_velocity_m_s(20);
   EXPECT_LE(later.x(), soon.x() + 0.03 * std::abs(soon.x()) + speed_noise_m_s())
       << "a force, or a sample, from before stop() was still there after start()";
-  if (soon_s > 0.030 && !HasFailure()) {
-    GTEST_SKIP() << "machine too busy: 20 cycles of 1 ms took " << 1e3 * soon_s
-                 << " ms, so a force that ends by its time-out could not be seen";
+  // A force that ends by its time-out is not seen over so long a time.
+  if (soon_s > 0.030 && machine.pauses() > 0 && !HasFailure()) {
+    GTEST_SKIP() << "20 cycles of 1 ms took " << 1e3 * soon_s << " ms; " << machine.text();
   }
 }
 
