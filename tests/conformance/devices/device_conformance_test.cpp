@@ -386,23 +386,28 @@ TEST_P(DeviceConformance, ForceEndsByItselfWhenWritesStop) {
 }
 
 TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
+  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, 1.0);
   ASSERT_NO_FATAL_FAILURE(start());
   write_for(1, {std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0});
   EXPECT_EQ(device_->clamped(), 1u);
-  write_for(30, {gentle_n(), 0.0, 0.0});
-  stop();
-  stop();
-  ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
-  EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
-  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, 1.0);
-  const std::uint64_t started_ns = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
-  const Vector3d soon = coasting_velocity_m_s(20);
-  const double soon_s = rtbus::seconds_between(started_ns, now_ns_);
-  const Vector3d later = coasting_velocity_m_s(20);
-  EXPECT_LE(later.x(), soon.x() + 0.03 * std::abs(soon.x()) + speed_noise_m_s())
-      << "a force, or a sample, from before stop() was still there after start()";
-  // A force that ends by its time-out is not seen over so long a time.
-  if (soon_s > 0.030 && machine.pauses() > 0 && !HasFailure()) {
+  // A force that ends by its time-out is seen in the first 30 ms alone. Starts that a pause has hidden are followed by
+  // others; one that shows a force is a failure at once.
+  constexpr double kSeenS = 0.030;
+  double soon_s = 1.0;
+  for (int starts = 0; starts < 10 && soon_s > kSeenS && !HasFailure(); ++starts) {
+    write_for(30, {gentle_n(), 0.0, 0.0});
+    stop();
+    stop();
+    ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
+    EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
+    const std::uint64_t started_ns = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
+    const Vector3d soon = coasting_velocity_m_s(20);
+    soon_s = rtbus::seconds_between(started_ns, now_ns_);
+    const Vector3d later = coasting_velocity_m_s(20);
+    EXPECT_LE(later.x(), soon.x() + 0.03 * std::abs(soon.x()) + speed_noise_m_s())
+        << "a force, or a sample, from before stop() was still there after start()";
+  }
+  if (soon_s > kSeenS && machine.pauses() > 0 && !HasFailure()) {
     GTEST_SKIP() << "20 cycles of 1 ms took " << 1e3 * soon_s << " ms; " << machine.text();
   }
 }

@@ -62,6 +62,7 @@ class VendorDevices : public ::testing::Test {
     node("bus/usb/001/00" + std::to_string(port), 0666);
   }
   /// Gives the device a port, as the kernel's drivers do: "1-1:1.0/tty/ttyACM0".
+  /// Mode 0000 keeps out its owner too, whoever runs the test.
   void port(int at, const std::string& inside, unsigned mode) {
     fs::create_directories(folder_of(at) / inside);
     node(fs::path(inside).filename(), mode);
@@ -89,9 +90,9 @@ class VendorDevices : public ::testing::Test {
 
 TEST_F(VendorDevices, ASerialPortOrHidNodeThatIsNotPermittedIsNamedWithTheRules) {
   plug(1, "2988", "0302", "Touch");
-  port(1, "1-1:1.0/tty/ttyACM7", 0600);
+  port(1, "1-1:1.0/tty/ttyACM7", 0000);
   plug(2, "2988", "0304", "Touch");
-  port(2, "1-2:1.0/0003:2988:0304.0001/hidraw/hidraw3", 0600);
+  port(2, "1-2:1.0/0003:2988:0304.0001/hidraw/hidraw3", 0000);
   plug(3, "2988", "0302", "Touch");
   port(3, "1-3:1.0/tty/ttyACM8", 0666);
   const auto found = look();
@@ -109,7 +110,7 @@ TEST_F(VendorDevices, ASerialPortOrHidNodeThatIsNotPermittedIsNamedWithTheRules)
 
 TEST_F(VendorDevices, DoctorTellsThePermissionToo) {
   plug(1, "2988", "0302", "Touch");
-  port(1, "1-1:1.0/tty/ttyACM7", 0600);
+  port(1, "1-1:1.0/tty/ttyACM7", 0000);
   const AsOrdinaryUser user;
   const auto findings = vendor_findings(root_);
   ASSERT_FALSE(findings.empty());
