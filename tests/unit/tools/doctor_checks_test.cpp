@@ -20,6 +20,7 @@ tools::DoctorFacts perfect() {
   facts.machine.clocksource = "tsc";
   facts.machine.governor = "performance";
   facts.limits.rtprio = 98;
+  facts.limits.lowest_nice = -15;
   facts.limits.memlock_bytes = UINT64_MAX;
   facts.limits.rt_runtime_us = 950000;
   facts.limits.rt_period_us = 1000000;
@@ -88,11 +89,15 @@ TEST(Doctor, FailsWithoutSchedFifoAndSaysHowToGetIt) {
 TEST(Doctor, AcceptsACapabilityInPlaceOfALimit) {
   auto facts = perfect();
   facts.limits.rtprio = 0;
+  facts.limits.lowest_nice = -14;
   facts.limits.memlock_bytes = 65536;
   EXPECT_EQ(check_of(facts, "rtprio").health, Health::kWarn);
+  EXPECT_EQ(check_of(facts, "nice").health, Health::kWarn);
+  EXPECT_THAT(check_of(facts, "nice").remedy, HasSubstr("@realtime - nice -15"));
   EXPECT_EQ(check_of(facts, "memlock").health, Health::kWarn);
   facts.limits.cap_sys_nice = facts.limits.cap_ipc_lock = true;
   EXPECT_EQ(check_of(facts, "rtprio").health, Health::kOk);
+  EXPECT_EQ(check_of(facts, "nice").health, Health::kOk);
   EXPECT_EQ(check_of(facts, "memlock").health, Health::kOk);
 }
 

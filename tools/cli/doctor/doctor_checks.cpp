@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "rtbus/realtime.hpp"
 #include "tools/cli/common/text_table.hpp"
 
 namespace tools {
@@ -9,9 +10,10 @@ namespace tools {
 namespace {
 
 constexpr const char* kLimitsFile =
-    "as root: groupadd -f realtime; usermod -aG realtime $USER; printf '@realtime - rtprio 98\\n@realtime - memlock "
-    "unlimited\\n' > /etc/security/limits.d/realtime.conf; then log in again. In a container: --ulimit rtprio=98 "
-    "--ulimit memlock=-1 --cap-add SYS_NICE --cap-add IPC_LOCK";
+    "as root: groupadd -f realtime; usermod -aG realtime $USER; printf '@realtime - rtprio 98\\n@realtime - nice "
+    "-15\\n@realtime - memlock unlimited\\n' > /etc/security/limits.d/realtime.conf; then log in again. In a "
+    "container: --ulimit rtprio=98 "
+    "--ulimit nice=35 --ulimit memlock=-1 --cap-add SYS_NICE --cap-add IPC_LOCK";
 
 std::string limit_text(std::uint64_t bytes) { return bytes == UINT64_MAX ? "unlimited" : human_bytes(bytes); }
 
@@ -35,6 +37,16 @@ DoctorCheck check_rtprio(const DoctorFacts& facts) {
   constexpr std::uint64_t kPriority = 80;  // what a haptic node asks for unless configured otherwise
   if (facts.limits.cap_sys_nice || facts.limits.rtprio >= kPriority) return check;
   check.health = Health::kWarn;  // the failure itself is check_fifo's
+  check.remedy = kLimitsFile;
+  return check;
+}
+
+DoctorCheck check_nice(const DoctorFacts& facts) {
+  DoctorCheck check{"nice", Health::kOk, "nice value of physics", "", ""};
+  const bool granted = facts.limits.cap_sys_nice || facts.limits.lowest_nice <= rtbus::kWorkerNice;
+  check.measured = granted ? std::to_string(rtbus::kWorkerNice) : "0: many other processes may delay its answers";
+  if (granted) return check;
+  check.health = Health::kWarn;
   check.remedy = kLimitsFile;
   return check;
 }
@@ -246,12 +258,12 @@ DoctorCheck check_bridge(const DoctorFacts& facts) {
 }  // namespace
 
 std::vector<DoctorCheck> judge(const DoctorFacts& facts) {
-  std::vector<DoctorCheck> out = {check_fifo(facts),      check_rtprio(facts),      check_memlock(facts),
-                                  check_mlockall(facts),  check_dma_latency(facts), check_throttling(facts),
-                                  check_governor(facts),  check_preemption(facts),  check_cores(facts),
-                                  check_isolation(facts), check_clock(facts),       check_shm(facts),
-                                  check_virtual(facts),   check_remove_ipc(facts),  check_stale(facts),
-                                  check_bridge(facts),    check_wakeup(facts)};
+  std::vector<DoctorCheck> out = {check_fifo(facts),       check_rtprio(facts),    check_nice(facts),
+                                  check_memlock(facts),    check_mlockall(facts),  check_dma_latency(facts),
+                                  check_throttling(facts), check_governor(facts),  check_preemption(facts),
+                                  check_cores(facts),      check_isolation(facts), check_clock(facts),
+                                  check_shm(facts),        check_virtual(facts),   check_remove_ipc(facts),
+                                  check_stale(facts),      check_bridge(facts),    check_wakeup(facts)};
   // No vendor's device is needed for forces at 1 kHz: nothing of theirs makes a machine unfit.
   for (const drivers::Finding& each : facts.vendors) {
     out.push_back({"vendor", each.ok ? Health::kOk : Health::kWarn, each.what, each.state, each.remedy});

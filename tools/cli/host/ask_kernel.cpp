@@ -144,6 +144,8 @@ RealtimeLimits ask_limits() {
   RealtimeLimits limits;
   rlimit limit{};
   if (::getrlimit(RLIMIT_RTPRIO, &limit) == 0) limits.rtprio = limit.rlim_cur;
+  if (::getrlimit(RLIMIT_NICE, &limit) == 0)
+    limits.lowest_nice = 20 - static_cast<int>(std::min<rlim_t>(limit.rlim_cur, 40));
   if (::getrlimit(RLIMIT_MEMLOCK, &limit) == 0) {
     limits.memlock_bytes = limit.rlim_cur == RLIM_INFINITY ? UINT64_MAX : limit.rlim_cur;
   }

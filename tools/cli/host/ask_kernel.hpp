@@ -30,6 +30,7 @@ struct MachineFacts {
 /// What realtime threads of this user may do, before anybody tries.
 struct RealtimeLimits {
   std::uint64_t rtprio = 0;           ///< RLIMIT_RTPRIO, soft: highest SCHED_FIFO priority without a capability.
+  int lowest_nice = 20;               ///< By RLIMIT_NICE, soft: the lowest nice value without a capability.
   std::uint64_t memlock_bytes = 0;    ///< RLIMIT_MEMLOCK, soft; UINT64_MAX: unlimited.
   bool cap_sys_nice = false;          ///< Effective CAP_SYS_NICE: any priority whatever the limit says.
   bool cap_ipc_lock = false;          ///< Effective CAP_IPC_LOCK: any amount of locked memory.
