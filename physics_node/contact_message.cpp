@@ -77,6 +77,7 @@ void fill_reaction(const ToolReaction& reaction, rtbus::ProxyContacts& out) {
   out.yield_stiffness_n_per_m = reaction.stiffness_n_per_m;
   out.yield_stiffness_across_n_per_m = reaction.stiffness_across_n_per_m;
   out.yield_friction = reaction.friction;
+  out.yield_rest = reaction.rest;
   for (std::size_t i = 0; i < reaction.count; ++i) {
     const ToolReaction::Instant& each = reaction.instants[i];
     out.yield_after_s[i] = each.after_s;

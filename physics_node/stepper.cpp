@@ -48,6 +48,7 @@ void Stepper::set_device(std::size_t proxy, const rtbus::DeviceState& device, st
   const double to_world = rtbus::gain_to_world(device.position_scale, device.force_scale);
   link.target.position_m = vector_of(device.target_position_m);
   link.target.velocity_m_s = vector_of(device.target_velocity_m_s);
+  link.target.hand_m = device.position_scale * vector_of(device.position_m);
   link.target.stiffness_n_per_m = link.config.stiffness_n_per_m * to_world;
   link.target.damping_n_s_per_m =
       link.config.damping_n_s_per_m

@@ -41,6 +41,7 @@ struct ProxyContacts {
   /// reaction, and across.
   double yield_stiffness_n_per_m = 0.0, yield_stiffness_across_n_per_m = 0.0;
   double yield_friction = 0.0;  ///< Coulomb coefficient of the pair.
+  double yield_rest = 0.0;      ///< 0 to 1: how much it counts as at rest, since nobody has moved for long.
 
   /// By haptic node, in the session's order: bodies have received the hand_impulse_… of that hand until then, in the
   /// time of its samples. 0: none.
@@ -117,6 +118,7 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, yield_stiffness_n_per_m, "N/m"),
                                       RTBUS_FIELD(T, yield_stiffness_across_n_per_m, "N/m"),
                                       RTBUS_FIELD(T, yield_friction, "1"),
+                                      RTBUS_FIELD(T, yield_rest, "1"),
                                       RTBUS_FIELD(T, hand_time_ns, "ns"),
                                       RTBUS_FIELD(T, contact_body, "1"),
                                       RTBUS_FIELD(T, contact_point_m, "m"),
@@ -162,7 +164,7 @@ struct SampleTraits<ProxyContacts> {
       RTBUS_TABLE(T, yields, yield_after_s, yield_gap_m, kYieldSlots)};
 };
 
-static_assert(sizeof(ProxyContacts) == 11376 && TabularSample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 11384 && TabularSample<ProxyContacts>);
 
 /// `physics.contact_points.HAPTIC`, at most 30 times a second and only while an observer is attached: where the proxy
 /// touches, or nearly so, whatever the method. The radius is that of Stepper::contact_radius_m(). Rows beyond the count

@@ -157,10 +157,10 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
       within(s.support_inverse_mass_per_kg, kAny, s.supports);
   const bool yields = s.yield_stiffness_n_per_m >= 0.0 && within(s.yield_stiffness_n_per_m, kForce_n) &&
                       s.yield_stiffness_across_n_per_m >= 0.0 && within(s.yield_stiffness_across_n_per_m, kForce_n) &&
-                      s.yield_friction >= 0.0 && within(s.yield_friction, kScale) &&
-                      within(s.yield_after_s, kStep_s, s.yields) && within(s.yield_tool_m, kPosition_m, s.yields) &&
-                      within(s.yield_reaction_n, kForce_n, s.yields) && within(s.yield_normal, kUnit, s.yields) &&
-                      within(s.yield_gap_m, kPosition_m, s.yields);
+                      s.yield_friction >= 0.0 && within(s.yield_friction, kScale) && s.yield_rest >= 0.0 &&
+                      s.yield_rest <= 1.0 && within(s.yield_after_s, kStep_s, s.yields) &&
+                      within(s.yield_tool_m, kPosition_m, s.yields) && within(s.yield_reaction_n, kForce_n, s.yields) &&
+                      within(s.yield_normal, kUnit, s.yields) && within(s.yield_gap_m, kPosition_m, s.yields);
   return head && contacts && bodies && supports && yields;
 }
 

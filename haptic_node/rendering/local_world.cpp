@@ -42,6 +42,7 @@ std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
 void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   proxy_ = {proxy_m, Vector3d::Zero(), proxy_.radius_m};
   impulse_n_s_.setZero();
+  calm_n_s_.setZero();
   foreseen_n_s_.reset();
   eased_n_.setZero();
   work_j_ = lifted_j_ = 0.0;
@@ -251,6 +252,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   now_ns_ = sample_ns;
   tick_s_ = h;
   impulse_n_s_.setZero();
+  calm_n_s_.setZero();
   work_j_ = 0.0;
   impulses_.begin(sample_ns - static_cast<std::uint64_t>(h * 1e9), sample_ns);
   if (lag_of(spring, h) <= 0.0) {  // nothing holds the proxy to the hand: it is the hand
@@ -263,8 +265,10 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   contacts_.blend(bodies_, h);
   pull_proxy(spring, h);
   if (solve(h) > 0) give_impulses();
-  yielding_.keep(rows_.data(), h);
   ease(spring, h);
+  calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
+  yielding_.keep(rows_.data(), h);
+  impulse_n_s_ += calm_n_s_;
   const SolverBody& proxy = solver_bodies_[0];
   const Vector3d& solved_m_s = proxy.velocity_m_s;
   proxy_.velocity_m_s = !shapes_.named().empty()
@@ -410,7 +414,7 @@ void LocalWorld::give(std::size_t place, std::size_t slot, const Vector3d& impul
 }
 
 void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
-  impulses_.settle(impulse_n_s);
+  impulses_.settle(impulse_n_s + calm_n_s_);
   for (const auto& entry : impulses_.entries()) {
     if (entry.slot == kBodies) continue;  // what yields feels it in physics
     LocalBody& body = bodies_[entry.slot];

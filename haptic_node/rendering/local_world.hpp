@@ -115,9 +115,10 @@ class LocalWorld {
   NearShapes shapes_;
   LocalProxy proxy_;
   Eigen::Vector3d impulse_n_s_ = Eigen::Vector3d::Zero();
-  std::optional<Eigen::Vector3d> foreseen_n_s_;        ///< By foresee(), for the next step.
-  Eigen::Vector3d eased_n_ = Eigen::Vector3d::Zero();  ///< What the hand feels besides: answers change it slowly.
-  double ease_s_ = 0.0;                                ///< For so long at most.
+  Eigen::Vector3d calm_n_s_ = Eigen::Vector3d::Zero();  ///< Of impulse_n_s_, what no body feels.
+  std::optional<Eigen::Vector3d> foreseen_n_s_;         ///< By foresee(), for the next step.
+  Eigen::Vector3d eased_n_ = Eigen::Vector3d::Zero();   ///< What the hand feels besides: answers change it slowly.
+  double ease_s_ = 0.0;                                 ///< For so long at most.
   double work_j_ = 0.0;
   double lifted_j_ = 0.0;  ///< By corrections of where kinematic bodies are, less what corrections gave back.
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about Tuning::noise_s.
@@ -136,7 +137,7 @@ class LocalWorld {
   std::size_t slots_ = 0;  ///< None is used from here on: a tick does not look there.
   ProxyContactSet contacts_;
   SupportPool supports_, old_supports_;
-  YieldingBodies yielding_;
+  YieldingBodies yielding_{tuning_.resting_mean_s()};
   std::size_t yielding_place_ = HandImpulses::kPlaces;  ///< Among the hand impulses, while something yields.
 
   // One step's problem: the proxy first, then bodies.

@@ -36,6 +36,8 @@ struct Tuning {
   [[nodiscard]] constexpr double way_out_periods() const noexcept { return history_periods() + good_periods; }
   /// A proxy without a size is deep in a body from here on.
   [[nodiscard]] constexpr double deep_m() const noexcept { return 4.0 * least_proxy_m; }
+  /// What rests wavers more slowly than what is noise in a moving hand.
+  [[nodiscard]] constexpr double resting_mean_s() const noexcept { return 10.0 * noise_s; }
   [[nodiscard]] constexpr int most_sweeps() const noexcept { return static_cast<int>(sweeps); }
   [[nodiscard]] constexpr int fewest_sweeps() const noexcept { return static_cast<int>(sweeps) / 3; }
 };

@@ -14,6 +14,10 @@ using rtbus::vector_of;
 
 /// The solver divides by it.
 constexpr double kSoftest_n_per_m = 1e-3;
+/// The mean is brought in, and given up, within so long.
+constexpr double kCalms_s = 0.1;
+/// Where nothing is near any more, a mean below that is none.
+constexpr double kNoForce_n = 1e-3;
 
 /// Along the reaction; where there is none, to what is nearest.
 Vector3d direction(const Vector3d& reaction_n, const Vector3d& normal) noexcept {
@@ -42,6 +46,7 @@ std::optional<double> YieldingBodies::take(const rtbus::ProxyContacts& answer, c
   along_n_per_m_ = std::max(answer.yield_stiffness_n_per_m, kSoftest_n_per_m);
   across_n_per_m_ = answer.yield_stiffness_across_n_per_m;
   friction_ = answer.yield_friction;
+  if (count_ > 0) rest_ = answer.yield_rest;
   for (std::size_t i = 0; i < count_; ++i) {
     instants_[i] = {answer.yield_after_s[i], vector_of(answer.yield_tool_m[i]), vector_of(answer.yield_reaction_n[i]),
                     vector_of(answer.yield_normal[i]), answer.yield_gap_m[i]};
@@ -95,6 +100,25 @@ std::size_t YieldingBodies::add_row(const Vector3d& proxy_m, std::uint64_t now_n
 
 Vector3d YieldingBodies::impulse_n_s(const SolverContact* rows) const noexcept {
   return row_ == kNoRow ? Vector3d(Vector3d::Zero()) : Vector3d(rows[row_].impulse_n_s + across_n_s_);
+}
+
+Vector3d YieldingBodies::calm_n_s(const SolverContact* rows, const Vector3d& eased_n, const Vector3d& goal_m,
+                                  double stiffness_n_per_m, double h) noexcept {
+  const bool begins = calm_ <= 0.0;
+  calm_ += std::clamp(rest_ - calm_, -h / kCalms_s, h / kCalms_s);
+  const Vector3d moved_m = goal_m - goal_m_;
+  goal_m_ = goal_m;
+  const Vector3d now_n = impulse_n_s(rows) / h + eased_n;
+  if (begins || calm_ <= 0.0 || (count_ == 0 && mean_n_.norm() < kNoForce_n)) {
+    mean_n_ = now_n;
+    return Vector3d::Zero();
+  }
+  if (const double size_n = mean_n_.norm(); size_n > 0.0) {
+    const Vector3d n = mean_n_ / size_n;
+    mean_n_ = std::max(0.0, size_n - stiffness_n_per_m * n.dot(moved_m)) * n;
+  }
+  mean_n_ -= std::expm1(-h / mean_s_) * (now_n - mean_n_);
+  return h * calm_ * (mean_n_ - now_n);
 }
 
 void YieldingBodies::keep(const SolverContact* rows, double h) noexcept {

@@ -26,8 +26,13 @@ class YieldingBodies {
  public:
   static constexpr std::size_t kNoRow = static_cast<std::size_t>(-1);
 
+  /// @param mean_s Time over which the force of what rests is averaged.
+  explicit YieldingBodies(double mean_s) noexcept : mean_s_(mean_s) {}
+
   void forget() noexcept {
     count_ = 0;
+    rest_ = calm_ = 0.0;
+    mean_n_.setZero();
     normal_n_s_ = 0.0;
     late_n_.setZero();
   }
@@ -45,6 +50,14 @@ class YieldingBodies {
 
   /// On the proxy, by the solution of the rows.
   [[nodiscard]] Eigen::Vector3d impulse_n_s(const SolverContact* rows) const noexcept RTBUS_NONBLOCKING;
+  /// What is felt besides: where an answer says that the world is at rest, the hand feels a mean over mean_s instead of
+  /// what wavers. What the hand itself moves changes the mean at once, by the coupling's stiffness: a spring at first,
+  /// which gives way to the body within mean_s (Zener's solid, which is passive). Bodies feel what wavers, so that the
+  /// third law holds in the mean.
+  /// @param eased_n What LocalWorld::ease() adds to the force of now.
+  [[nodiscard]] Eigen::Vector3d calm_n_s(const SolverContact* rows, const Eigen::Vector3d& eased_n,
+                                         const Eigen::Vector3d& goal_m, double stiffness_n_per_m,
+                                         double h) noexcept RTBUS_NONBLOCKING;
   /// That solution is what is felt.
   void keep(const SolverContact* rows, double h) noexcept RTBUS_NONBLOCKING;
 
@@ -67,6 +80,11 @@ class YieldingBodies {
   double normal_n_s_ = 0.0;  ///< Of the last tick.
   Eigen::Vector3d across_n_s_ = Eigen::Vector3d::Zero();
   std::size_t row_ = kNoRow;
+  double mean_s_;
+  double rest_ = 0.0;  ///< As told last.
+  double calm_ = 0.0;  ///< On its way to that.
+  Eigen::Vector3d mean_n_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d goal_m_ = Eigen::Vector3d::Zero();  ///< Of the last tick.
 };
 
 }  // namespace haptic

@@ -65,6 +65,7 @@ void BulletProxy::set_target(const ProxyTarget& target) {
   target_.stiffness_n_per_m = std::clamp(target.stiffness_n_per_m, 0.0, kMaxStiffnessNPerM);
   target_.damping_n_s_per_m = std::clamp(target.damping_n_s_per_m, 0.0, kMaxDampingNSPerM);
   target_.force_n = clamp_each(target.force_n, kMaxForceN);
+  if (target.hand_m.allFinite()) target_.hand_m = target.hand_m;
 }
 
 void BulletProxy::before_step(double h) {

@@ -90,6 +90,7 @@ struct ToolReaction {
   /// By how much the reaction falls where the tool is not there but elsewhere: along the reaction, and across.
   double stiffness_n_per_m = 0.0, stiffness_across_n_per_m = 0.0;
   double friction = 0.0;  ///< Coulomb coefficient of the pair.
+  double rest = 0.0;      ///< 0 to 1: how much it counts as at rest, since nobody has moved for long.
 };
 
 /// Upper limits, which bound the message and the work of the solver.

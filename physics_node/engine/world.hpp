@@ -36,6 +36,8 @@ struct ProxyTarget {
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();
   /// Only of drive_tool(), more of the same. Once the tool has left, those parts that it touched last get it directly.
   Eigen::Vector3d owed_n = Eigen::Vector3d::Zero();
+  /// Where the hand is, up to the rotation and the offset of the mapping: how far it moves is what counts.
+  Eigen::Vector3d hand_m = Eigen::Vector3d::Zero();
 };
 
 /// The proxy after the last step.

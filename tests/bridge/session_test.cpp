@@ -304,7 +304,7 @@ TEST_F(BridgeSession, EnableStopsBySilenceAndTakesBackItsOwnStopAlone) {
 
   // The owner begins with false, which stops; true takes it back. A second writer is refused.
   EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] { return orders().estop == 1; })) << text_of(log());
-  EXPECT_TRUE(eventually(30.0, [&] {
+  EXPECT_TRUE(beat_until(peer, enable, boolean(false), [&] {
     const Bytes told = peer.newest("rt/diagnostics").value_or(Bytes{});
     return std::string(told.begin(), told.end()).find("E-stop: ROS 2 topic enable") != std::string::npos;
   }));

@@ -8,6 +8,7 @@
 
 #include "physics_node/bullet/bullet_world.hpp"
 #include "physics_node/bullet/nearest.hpp"
+#include "physics_node/bullet/soft/rest_watch.hpp"
 #include "physics_node/bullet/soft/soft_dynamics.hpp"
 #include "physics_node/bullet/soft/soft_made.hpp"
 #include "physics_node/bullet/soft/tool_ahead.hpp"
@@ -26,6 +27,8 @@ namespace physics::bullet {
 /// later: copies of the near bodies go on with the tool as it goes (ToolAhead). A second course beside that one
 /// measures the stiffness. contacts() lists the nearest node of each near soft body after the rigid bodies, and numbers
 /// it after them.
+///
+/// Where no hand and no rigid body moves (RestWatch), what is told of a tool says so.
 ///
 /// Whatever the settings, numbers stay finite: links, pose matching and contacts move nodes by a share of what is
 /// wrong, the explicit pressure is lowered to what the step carries, and a body that is unsound all the same is put
@@ -78,6 +81,7 @@ class SoftWorld final : public BulletWorld {
   void after_dynamics(double h) override;
   void collide();
   void note_touched(std::size_t tool);
+  void watch_rest(double h);
   void collide_with_body(btSoftBody& soft, const SceneBody& body, double hardness);
   /// @param massless The tool of drive_tool().
   void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness, bool massless);
@@ -105,6 +109,7 @@ class SoftWorld final : public BulletWorld {
   std::vector<Touched> touched_;                // by proxy
   std::vector<int> contacts_before_;            // by body, before those of a tool
   std::vector<NearPoint> near_;                 // kept for its memory
+  RestWatch rest_;
   double h_ = 1e-3;
   std::uint64_t recoveries_ = 0;
 };

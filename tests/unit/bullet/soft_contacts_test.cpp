@@ -194,6 +194,38 @@ TEST(SoftContacts, NothingOfWhatIsOwedReachesABodyThatTheToolDidNotTouchOfLate) 
   }
 }
 
+TEST(SoftContacts, SayThatTheWorldIsAtRestAndWhenItNoLongerIs) {
+  const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
+  const double touches_m = settle(*world, kAbove_m);
+  const auto rest = [&] {
+    physics::ToolReaction reaction;
+    world->tool_reaction(0, 0.1, 0.02, Vector3d::Zero(), reaction);
+    return reaction.rest;
+  };
+  press(*world, Vector3d(0, touches_m - 2e-3, 0), 1.2);
+  EXPECT_EQ(rest(), 1.0);
+  physics::ProxyTarget target = target_at(Vector3d(0, touches_m - 2e-3, 0));
+  target.hand_m = Vector3d(0, -1.1e-3, 0);
+  world->drive_tool(0, target);
+  world->step(kStep_s);
+  EXPECT_EQ(rest(), 0.0);
+}
+
+TEST(SoftContacts, ARigidBodyThatMovesIsNoRest) {
+  Scene scene = soft_ball(true);
+  scene.bodies.push_back(body("box", rtbus::shapes::Box{Vector3d::Constant(0.01)}, Vector3d(1, 0.5, 0), 0.02));
+  const auto world = with_placed_tool(scene, Vector3d(0, kAbove_m, 0));
+  const auto rest = [&] {
+    physics::ToolReaction reaction;
+    world->tool_reaction(0, 0.1, 0.02, Vector3d::Zero(), reaction);
+    return reaction.rest;
+  };
+  press(*world, Vector3d(0, kAbove_m - 0.03, 0), 0.3);
+  EXPECT_EQ(rest(), 0.0) << "it falls";
+  press(*world, Vector3d(0, kAbove_m - 0.03, 0), 2.0);
+  EXPECT_EQ(rest(), 1.0) << "it lies";
+}
+
 TEST(SoftContacts, TellWhatTheToolBearsAtRest) {
   const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
   const Vector3d at(0, settle(*world, kAbove_m) - 0.006, 0);

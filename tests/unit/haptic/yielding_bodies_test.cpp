@@ -112,6 +112,58 @@ TEST_F(YieldingBodiesTest, HoldAcrossOnlyAsFarAsFrictionDoes) {
   EXPECT_NEAR(force_n.z(), -0.1 * force_n.x(), 1e-6);
 }
 
+/// What physics tells of a body that wavers by ±0.1 N under a hand that does not move: least and most of the force in
+/// the last second of three, and the mean of what the body is given.
+struct Wavering {
+  double least_n = 1e9, most_n = 0.0, given_n = 0.0, felt_n = 0.0;
+};
+Wavering wavering(YieldingBodiesTest& test, double rest) {
+  constexpr double kDepth = -0.004;
+  Wavering out;
+  test.world->reset({kDepth, 0, 0});
+  for (int answer = 0; answer < 60; ++answer) {
+    ProxyContacts told = soft(kDepth, test.now_ns);
+    told.yield_reaction_n[0][0] += answer % 2 == 0 ? 0.1 : -0.1;
+    told.yield_rest = rest;
+    test.world->take(told, test.now_ns);
+    for (int i = 0; i < 50; ++i) {
+      const double force_n = test.tick(-0.006);
+      if (answer < 40) continue;
+      out.least_n = std::min(out.least_n, force_n);
+      out.most_n = std::max(out.most_n, force_n);
+      out.felt_n += force_n / 1000.0;
+      const auto given = test.world->hand_impulses().entries();
+      if (!given.empty()) out.given_n -= given[0].impulse_n_s.x() / kTickS / 1000.0;
+    }
+  }
+  return out;
+}
+
+TEST_F(YieldingBodiesTest, AreFeltByTheirMeanWhereTheWorldIsAtRest) {
+  const Wavering moving = wavering(*this, 0.0);
+  EXPECT_GT(moving.most_n - moving.least_n, 0.08);
+  EXPECT_NEAR(moving.given_n, moving.felt_n, 1e-9);
+  const Wavering resting = wavering(*this, 1.0);
+  EXPECT_LT(resting.most_n - resting.least_n, 0.02);
+  EXPECT_GT(resting.most_n - resting.least_n, 0.0) << "the mean goes on following";
+  EXPECT_NEAR(resting.felt_n, moving.felt_n, 0.01 * moving.felt_n);
+  EXPECT_NEAR(resting.given_n, resting.felt_n, 0.01 * resting.felt_n) << "the third law, in the mean";
+}
+
+TEST_F(YieldingBodiesTest, AtRestGiveWayToTheHandAtOnceAndLetItGo) {
+  ProxyContacts told = soft(-0.004, now_ns);
+  told.yield_rest = 1.0;
+  world->reset({-0.004, 0, 0});
+  world->take(told, now_ns);
+  double before_n = 0.0;
+  for (int i = 0; i < 4000; ++i) before_n = tick(-0.006);
+  EXPECT_NEAR(tick(-0.0061) - before_n, 1e-4 * kHandN_m, 0.1 * 1e-4 * kHandN_m) << "the coupling's stiffness at first";
+  for (int i = 0; i < 4000; ++i) (void)tick(-0.0061);
+  EXPECT_NEAR(tick(-0.0061) - before_n, 1e-4 / (1.0 / kHandN_m + 1.0 / kSoftN_m), 1e-4) << "and then the body's";
+  (void)tick(0.005);
+  EXPECT_NEAR(tick(0.005), 0.0, 1e-3) << "the mean fades, of next to nothing";
+}
+
 TEST_F(YieldingBodiesTest, AnAnswerThatAgreesChangesNoForce) {
   world->reset({0.0, 0, 0});
   world->take(soft(0.0, now_ns), now_ns);
