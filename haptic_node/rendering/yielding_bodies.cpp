@@ -16,6 +16,8 @@ using rtbus::vector_of;
 constexpr double kSoftest_n_per_m = 1e-3;
 /// The mean is brought in, and given up, within so long.
 constexpr double kCalms_s = 0.1;
+/// A hand that has moved by that is not at rest for so long, whatever answers still say: they are late.
+constexpr double kMoves_m = 1e-3, kMoves_s = 0.5;
 /// Where nothing is near any more, a mean below that is none.
 constexpr double kNoForce_n = 1e-3;
 
@@ -104,8 +106,13 @@ Vector3d YieldingBodies::impulse_n_s(const SolverContact* rows) const noexcept {
 
 Vector3d YieldingBodies::calm_n_s(const SolverContact* rows, const Vector3d& eased_n, const Vector3d& goal_m,
                                   double stiffness_n_per_m, double h) noexcept {
+  rests_s_ += h;
+  if (!((goal_m - rests_at_m_).norm() <= kMoves_m)) {
+    rests_at_m_ = goal_m;
+    rests_s_ = 0.0;
+  }
   const bool begins = calm_ <= 0.0;
-  calm_ += std::clamp(rest_ - calm_, -h / kCalms_s, h / kCalms_s);
+  calm_ += std::clamp((rests_s_ < kMoves_s ? 0.0 : rest_) - calm_, -h / kCalms_s, h / kCalms_s);
   const Vector3d moved_m = goal_m - goal_m_;
   goal_m_ = goal_m;
   const Vector3d now_n = impulse_n_s(rows) / h + eased_n;

@@ -32,6 +32,7 @@ class YieldingBodies {
   void forget() noexcept {
     count_ = 0;
     rest_ = calm_ = 0.0;
+    rests_s_ = 0.0;
     mean_n_.setZero();
     normal_n_s_ = 0.0;
     late_n_.setZero();
@@ -81,8 +82,10 @@ class YieldingBodies {
   Eigen::Vector3d across_n_s_ = Eigen::Vector3d::Zero();
   std::size_t row_ = kNoRow;
   double mean_s_;
-  double rest_ = 0.0;  ///< As told last.
-  double calm_ = 0.0;  ///< On its way to that.
+  double rest_ = 0.0;                                     ///< As told last.
+  double calm_ = 0.0;                                     ///< On its way to that, unless the hand moves.
+  Eigen::Vector3d rests_at_m_ = Eigen::Vector3d::Zero();  ///< Where the hand was last seen to move …
+  double rests_s_ = 0.0;                                  ///< … and the time since then.
   Eigen::Vector3d mean_n_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d goal_m_ = Eigen::Vector3d::Zero();  ///< Of the last tick.
 };
