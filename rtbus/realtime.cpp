@@ -22,7 +22,7 @@ namespace {
 constexpr int kMinPriority = 1;
 constexpr int kMaxPriority = 98;         // 99 stays with the kernel's own threads
 constexpr int kSignOfLifePriority = 10;  // above everything ordinary, far below any loop
-constexpr std::size_t kStackPrefaultBytes = 256 * 1024;
+constexpr std::size_t kStackPrefaultBytes = std::size_t{256} * 1024;
 
 /// One descriptor per process holds the request; −1: not held.
 std::atomic<int> g_dma_latency_fd{-1};

@@ -34,10 +34,11 @@ BulletProxy::BulletProxy(const ProxyParameters& parameters, double radius_m, dou
   reset(parameters.position_m);
 }
 
-void BulletProxy::reset(Vector3d position_m) {
+void BulletProxy::reset(const Vector3d& position_m) {
   if (!position_m.allFinite()) return;
+  const Vector3d at_m = clamped(position_m);  // which may be of state_
   state_ = ProxyReadout{};
-  place(clamped(position_m), Vector3d::Zero());
+  place(at_m, Vector3d::Zero());
   target_.position_m = state_.position_m;
   target_.velocity_m_s.setZero();
   target_.force_n.setZero();

@@ -39,7 +39,7 @@ class BulletProxy {
   BulletProxy(const ProxyParameters& parameters, double radius_m, double scale);
 
   /// By value: the place may be that of state(), which is cleared.
-  void reset(Eigen::Vector3d position_m);
+  void reset(const Eigen::Vector3d& position_m);
   /// Somebody else moves it: there, without pulling. reset() takes that back.
   void put(const Eigen::Vector3d& position_m, const Eigen::Vector3d& velocity_m_s);
   /// Of such a one: the forces on its tool in the last step.
