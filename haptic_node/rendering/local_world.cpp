@@ -266,9 +266,11 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   pull_proxy(spring, h);
   if (solve(h) > 0) give_impulses();
   ease(spring, h);
-  calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
+  if (yielding_.felt()) {
+    calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
+    impulse_n_s_ += calm_n_s_;
+  }
   yielding_.keep(rows_.data(), h);
-  impulse_n_s_ += calm_n_s_;
   const SolverBody& proxy = solver_bodies_[0];
   const Vector3d& solved_m_s = proxy.velocity_m_s;
   proxy_.velocity_m_s = !shapes_.named().empty()

@@ -43,6 +43,8 @@ class YieldingBodies {
                              const Blend& blend) noexcept RTBUS_NONBLOCKING;
 
   [[nodiscard]] bool near() const noexcept { return count_ > 0; }
+  /// Whether there is anything to average: something is near, or its mean is still felt.
+  [[nodiscard]] bool felt() const noexcept { return near() || calm_ > 0.0; }
 
   /// The row of the tick of `h` that ends at `now_ns`; what acts across is given to `proxy` at once.
   /// @returns rows added, 0 or 1.
@@ -77,7 +79,7 @@ class YieldingBodies {
   Blend blend_;
   Eigen::Vector3d late_n_ = Eigen::Vector3d::Zero();  ///< Of the reaction before the answer, what is still felt.
   double along_n_per_m_ = 0.0, across_n_per_m_ = 0.0;
-  double friction_ = 0.0;
+  double friction_ = 0.0;    ///< Coulomb coefficient of the pair [1].
   double normal_n_s_ = 0.0;  ///< Of the last tick.
   Eigen::Vector3d across_n_s_ = Eigen::Vector3d::Zero();
   std::size_t row_ = kNoRow;
@@ -86,8 +88,8 @@ class YieldingBodies {
   double calm_ = 0.0;                                     ///< On its way to that, unless the hand moves.
   Eigen::Vector3d rests_at_m_ = Eigen::Vector3d::Zero();  ///< Where the hand was last seen to move …
   double rests_s_ = 0.0;                                  ///< … and the time since then.
-  Eigen::Vector3d mean_n_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d goal_m_ = Eigen::Vector3d::Zero();  ///< Of the last tick.
+  Eigen::Vector3d mean_n_ = Eigen::Vector3d::Zero();      ///< What is felt where the world is at rest.
+  Eigen::Vector3d goal_m_ = Eigen::Vector3d::Zero();      ///< Of the last tick.
 };
 
 }  // namespace haptic

@@ -164,6 +164,22 @@ TEST_F(YieldingBodiesTest, AtRestGiveWayToTheHandAtOnceAndLetItGo) {
   EXPECT_NEAR(tick(0.005), 0.0, 1e-3) << "the mean fades, of next to nothing";
 }
 
+TEST_F(YieldingBodiesTest, AHandThatMovesEndsTheMeanBeforeAnAnswerCanSaySo) {
+  ProxyContacts told = soft(-0.004, now_ns);
+  told.yield_rest = 1.0;
+  world->reset({-0.004, 0, 0});
+  world->take(told, now_ns);
+  const auto unlike_n = [&](double hand_m) {
+    const double felt_n = tick(hand_m);
+    return std::abs(felt_n + world->hand_impulses().entries()[0].impulse_n_s.x() / kTickS);
+  };
+  for (int i = 0; i < 4000; ++i) (void)tick(-0.006);
+  EXPECT_GT(unlike_n(-0.0065), 0.05) << "the mean is felt";
+  double left_n = 1.0;
+  for (int i = 0; i < 200; ++i) left_n = unlike_n(-0.0075);
+  EXPECT_LT(left_n, 1e-9);
+}
+
 TEST_F(YieldingBodiesTest, AnAnswerThatAgreesChangesNoForce) {
   world->reset({0.0, 0, 0});
   world->take(soft(0.0, now_ns), now_ns);

@@ -12,8 +12,7 @@ namespace {
 constexpr const char* kLimitsFile =
     "as root: groupadd -f realtime; usermod -aG realtime $USER; printf '@realtime - rtprio 98\\n@realtime - nice "
     "-15\\n@realtime - memlock unlimited\\n' > /etc/security/limits.d/realtime.conf; then log in again. In a "
-    "container: --ulimit rtprio=98 "
-    "--ulimit nice=35 --ulimit memlock=-1 --cap-add SYS_NICE --cap-add IPC_LOCK";
+    "container: --ulimit rtprio=98 --ulimit nice=35 --ulimit memlock=-1 --cap-add SYS_NICE --cap-add IPC_LOCK";
 
 std::string limit_text(std::uint64_t bytes) { return bytes == UINT64_MAX ? "unlimited" : human_bytes(bytes); }
 
