@@ -18,6 +18,9 @@ constexpr double kSoftest_n_per_m = 1e-3;
 constexpr double kCalms_s = 0.1;
 /// A hand that has moved by that is not at rest for so long, whatever answers still say: they are late.
 constexpr double kMoves_m = 1e-3, kMoves_s = 0.5;
+/// What the hand moves by counts by so much more than what is told of the stiffness: with less than the body's the mean
+/// would not be passive, and what is told is not sharp.
+constexpr double kStiffer = 2.0;
 /// Where nothing is near any more, a mean below that is none.
 constexpr double kNoForce_n = 1e-3;
 
@@ -122,7 +125,8 @@ Vector3d YieldingBodies::calm_n_s(const SolverContact* rows, const Vector3d& eas
   }
   if (const double size_n = mean_n_.norm(); size_n > 0.0) {
     const Vector3d n = mean_n_ / size_n;
-    mean_n_ = std::max(0.0, size_n - stiffness_n_per_m * n.dot(moved_m)) * n;
+    const double series_n_per_m = stiffness_n_per_m * along_n_per_m_ / (stiffness_n_per_m + along_n_per_m_);
+    mean_n_ = std::max(0.0, size_n - std::min(stiffness_n_per_m, kStiffer * series_n_per_m) * n.dot(moved_m)) * n;
   }
   mean_n_ -= std::expm1(-h / mean_s_) * (now_n - mean_n_);
   return h * calm_ * (mean_n_ - now_n);

@@ -54,9 +54,9 @@ class YieldingBodies {
   /// On the proxy, by the solution of the rows.
   [[nodiscard]] Eigen::Vector3d impulse_n_s(const SolverContact* rows) const noexcept RTBUS_NONBLOCKING;
   /// What is felt besides: where an answer says that the world is at rest, the hand feels a mean over mean_s instead of
-  /// what wavers. What the hand itself moves changes the mean at once, by the coupling's stiffness: a spring at first,
-  /// which gives way to the body within mean_s (Zener's solid, which is passive). Bodies feel what wavers, so that the
-  /// third law holds in the mean.
+  /// what wavers. What the hand itself moves changes the mean at once, by twice the stiffness of body and coupling in
+  /// series, at most the coupling's: a spring which gives way to the body within mean_s (Zener's solid, which is
+  /// passive). Bodies feel what wavers, so that the third law holds in the mean.
   /// @param eased_n What LocalWorld::ease() adds to the force of now.
   [[nodiscard]] Eigen::Vector3d calm_n_s(const SolverContact* rows, const Eigen::Vector3d& eased_n,
                                          const Eigen::Vector3d& goal_m, double stiffness_n_per_m,

@@ -193,7 +193,7 @@ void HostilePhysics::fill_yields(const Vector3d& proxy_m, const Vector3d& normal
   out.yield_stiffness_n_per_m = 1.0 / plan_.compliance_m_per_n;
   out.yield_stiffness_across_n_per_m = random_.chance(0.5) ? 0.0 : out.yield_stiffness_n_per_m;
   out.yield_friction = plan_.friction;
-  out.yield_rest = random_.between(0.0, 1.0);
+  out.yield_rest = 1.0 - plan_.flip_share;  // no draw of its own: seeds keep their plans
   for (std::size_t row = 0; row < out.yields; ++row) {
     const Vector3d n = random_.chance(plan_.flip_share) ? Vector3d(-normal) : normal;
     out.yield_after_s[row] = static_cast<double>(row) * plan_.step_s;
