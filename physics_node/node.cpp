@@ -290,7 +290,7 @@ void Node::step_freely() noexcept {
 void Node::step_thread() noexcept {
   rtbus::name_this_thread("physics_step");
   // At a free pace it never waits, and would take its CPU from whoever else is there.
-  if (config_.physics.pace != Pace::kFree) (void)rtbus::prefer_over_ordinary();
+  if (config_.physics.pace != Pace::kFree) scheduling_.enter();
   if (config_.physics.packet_rate_hz) {
     step_on_packets();
   } else if (config_.physics.pace == Pace::kFree) {
@@ -300,6 +300,7 @@ void Node::step_thread() noexcept {
   } else {
     step_on_time();
   }
+  scheduling_.leave();
 }
 
 void Node::step_on_packets() noexcept {

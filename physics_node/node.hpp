@@ -4,7 +4,8 @@
 ///
 /// Threads: `physics_step` reads the devices, steps, publishes. `physics_beat` publishes the heartbeat every 20 ms,
 /// attaches to topics, and publishes the statistics. It continues during a long step, so that a slow engine and a dead
-/// process can be distinguished. Both are SCHED_OTHER: the hand's safety does not depend on this process.
+/// process can be distinguished, and gives the step thread its priority (WorkerScheduling). No hand's safety depends on
+/// either.
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -19,6 +20,7 @@
 #include "physics_node/stepper.hpp"
 #include "rtbus/histogram.hpp"
 #include "rtbus/result.hpp"
+#include "rtbus/worker_scheduling.hpp"
 
 namespace physics {
 
@@ -104,6 +106,7 @@ class Node {
       last_compute_ns_{0};
   std::atomic<double> simulated_s_{0.0}, wall_s_{0.0};  // of the steps so far; the time in which they were due
 
+  rtbus::WorkerScheduling scheduling_;  // of the step thread
   std::atomic<bool> stop_steps_{false}, stop_beats_{false};
   std::thread step_thread_, beat_thread_;
 };

@@ -53,8 +53,6 @@ Node::Beats::Beats(Node& node) : node_(node) {
   rtbus::set_text(info_.role, "physics");
   rtbus::set_text(info_.kind, physics.engine);
   rtbus::set_text(info_.clock, physics.clock());
-  rtbus::set_text(info_.scheduling, "SCHED_OTHER");
-  rtbus::set_text(info_.realtime, "none asked for");
   info_.rate_hz = 1.0 / physics.step_s();
   info_.core = 0xffffffff;
   info_.bodies = static_cast<std::uint32_t>(node.stepper_->world().bodies());
@@ -94,6 +92,8 @@ void Node::Beats::publish_stats(bool ending) {
 
 void Node::Beats::publish_info() {
   rtbus::set_text(info_.left_out, node_.left_out());
+  rtbus::set_text(info_.scheduling, node_.scheduling_.policy());
+  rtbus::set_text(info_.realtime, node_.scheduling_.summary());
   node_.topics_->node_info.publish(info_, rtbus::monotonic_ns());
 }
 
@@ -141,6 +141,7 @@ void Node::beat_thread() noexcept {
     beats.publish_beat(stop_steps_.load(std::memory_order_relaxed) ? rtbus::NodeState::kStopping
                        : stepped                                   ? rtbus::NodeState::kRunning
                                                                    : rtbus::NodeState::kStarting);
+    scheduling_.watch();
     topics_->maintain();
     if (poses_) poses_->maintain();
     if (soft_nodes_) soft_nodes_->maintain();

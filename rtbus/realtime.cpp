@@ -200,8 +200,6 @@ bool prefer_on_time() noexcept {
   return ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0;
 }
 
-bool prefer_over_ordinary() noexcept { return ::setpriority(PRIO_PROCESS, 0, kWorkerNice) == 0; }
-
 bool stay_off_cores(const std::vector<int>& cores) noexcept {
   const std::vector<int> allowed = allowed_cores();
   cpu_set_t left;

@@ -69,15 +69,6 @@ class ThreadScheduling {
 /// @returns whether it was granted. @realtime No.
 bool prefer_on_time() noexcept;
 
-/// The nice value of a thread that works at a rate but is not realtime, as physics: it weighs 28 ordinary threads
-/// (`sched(7)`), and yet leaves them something when it never sleeps.
-inline constexpr int kWorkerNice = -15;
-
-/// Gives the calling thread `kWorkerNice` if this process may have it (CAP_SYS_NICE, or RLIMIT_NICE of 35 or more), so
-/// that many ordinary processes do not keep it from its next step. Threads that it starts inherit it. No warning.
-/// @returns whether it was granted. @realtime No.
-bool prefer_over_ordinary() noexcept;
-
 /// Keeps the calling thread off CPUs that a realtime loop uses, unless it would have none left. In `cores` −1 stands
 /// for the last CPU this thread may use, where a RealtimeRequest with core −1 goes. @returns whether it keeps off them.
 /// @realtime No.

@@ -44,19 +44,6 @@ TEST(Realtime, StaysOffTheCoresOfALoopUnlessNoneIsLeft) {
   EXPECT_EQ(outcome, 0);
 }
 
-TEST(Realtime, AWorkerIsPreferredToOrdinaryThreadsWhereThatIsAllowed) {
-  const int outcome = in_child([] {
-    const int before = ::getpriority(PRIO_PROCESS, 0);
-    rlimit limit{};
-    ::getrlimit(RLIMIT_NICE, &limit);
-    const bool granted = prefer_over_ordinary();
-    if (::getpriority(PRIO_PROCESS, 0) != (granted ? kWorkerNice : before)) return 1;
-    if (!granted && limit.rlim_cur >= 20 - kWorkerNice) return 2;
-    return 0;
-  });
-  EXPECT_EQ(outcome, 0);
-}
-
 TEST(Realtime, GrantSaysWhatTheKernelSays) {
   const int outcome = in_child([] {
     const RealtimeGrant grant = enter_realtime({.priority = 42, .lock_memory = false});

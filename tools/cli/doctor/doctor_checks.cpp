@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "rtbus/realtime.hpp"
+#include "rtbus/worker_scheduling.hpp"
 #include "tools/cli/common/text_table.hpp"
 
 namespace tools {
@@ -43,7 +43,8 @@ DoctorCheck check_rtprio(const DoctorFacts& facts) {
 DoctorCheck check_nice(const DoctorFacts& facts) {
   DoctorCheck check{"nice", Health::kOk, "nice value of physics", "", ""};
   const bool granted = facts.limits.cap_sys_nice || facts.limits.lowest_nice <= rtbus::kWorkerNice;
-  check.measured = granted ? std::to_string(rtbus::kWorkerNice) : "0: many other processes may delay its answers";
+  check.measured = granted ? std::to_string(rtbus::kWorkerNice)
+                           : "0: many other processes may delay physics that does not rest half of its time";
   if (granted) return check;
   check.health = Health::kWarn;
   check.remedy = kLimitsFile;
