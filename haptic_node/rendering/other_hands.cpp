@@ -1,6 +1,7 @@
 #include "haptic_node/rendering/other_hands.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "rtbus/clock.hpp"
 #include "rtbus/eigen.hpp"
@@ -8,12 +9,13 @@
 namespace haptic {
 namespace {
 
-/// A hand that is not heard pushes as it did for this many of its ticks: a message that is lost, or a late loop, must
-/// not take its push from a body and give it back in the next tick. A gram gains 0.3 m/s by 0.3 N in 1 ms. With more
-/// the end of a hand is felt later than after 3 ms.
-constexpr double kGoesOnTicks = 2.0;
-/// After so many it has ended: what it was taken to give is taken back.
-constexpr double kEndedTicks = 6.0;
+/// The longest time between two messages is forgotten over about this long.
+constexpr double kForgets_s = 10.0;
+/// No longer one is taken into account: a hand that has ended must not push on.
+constexpr std::uint64_t kLongestGap_ns = 5 * rtbus::kNsPerMs;
+/// A hand has ended that was not heard for so many times as long as it goes on: what it was taken to give is taken
+/// back.
+constexpr double kEnded = 3.0;
 
 Impulse told_in(const rtbus::DeviceState& state, std::size_t row) noexcept {
   return {rtbus::vector_of(state.hand_impulse_n_s[row]), rtbus::vector_of(state.hand_angular_impulse_n_m_s[row])};
@@ -39,6 +41,9 @@ void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_n
     return;
   }
   hand.tick_ns = state.sample_time_ns - hand.time_ns;
+  const double kept = std::exp(-rtbus::seconds_between(hand.time_ns, state.sample_time_ns) / kForgets_s);
+  const auto longest_ns = static_cast<std::uint64_t>(kept * static_cast<double>(hand.longest_ns));
+  hand.longest_ns = std::clamp(hand.tick_ns, longest_ns, kLongestGap_ns);
   for (std::size_t i = 0; i < hand.rows.size(); ++i) learn_row(hand, i, state, apart_ns);
   hand.time_ns = state.sample_time_ns;
 }
@@ -68,8 +73,10 @@ Impulse OtherHands::book(const Hand& hand, Row& row, std::uint64_t now_ns) noexc
   row.booked_before = row.booked;
   row.booked = row.given;
   if (hand.tick_ns > 0 && now_ns > hand.time_ns) {
-    const double ticks = static_cast<double>(now_ns - hand.time_ns) / static_cast<double>(hand.tick_ns);
-    const double share = ticks > kEndedTicks ? 0.0 : std::min(ticks, kGoesOnTicks);
+    const auto silent_ns = static_cast<double>(now_ns - hand.time_ns);
+    const auto goes_on_ns = static_cast<double>(hand.longest_ns + hand.tick_ns);
+    const bool ended = silent_ns > kEnded * goes_on_ns;
+    const double share = ended ? 0.0 : std::min(silent_ns, goes_on_ns) / static_cast<double>(hand.tick_ns);
     row.booked += {share * row.last.linear_n_s, share * row.last.angular_n_m_s};
   }
   return row.booked - row.booked_before;

@@ -1,4 +1,4 @@
-/// Bytes that a tick of the haptic loop touches, of data and of code. tick_bytes.sh runs it under valgrind.
+/// Bytes and pages that a tick of the haptic loop touches, of data and of code. tick_bytes.sh runs it under valgrind.
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
@@ -18,6 +18,7 @@
 namespace {
 
 constexpr std::uint64_t kLine_bytes = 64;  // of a cache
+constexpr std::uint64_t kLinesOfPage = 64;
 
 /// Where the code of Loop::cycle() begins.
 std::uint64_t cycle_address() {
@@ -40,18 +41,29 @@ void run(const std::string& file, double duration_s, const std::vector<std::stri
   std::fprintf(stderr, "largest force %.2f N\n", largest_n);
 }
 
-/// A percentile of what ticks touched, in bytes.
-std::uint64_t bytes_at(std::vector<std::uint64_t> lines, double share) {
-  if (lines.empty()) return 0;
-  const auto at = lines.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(lines.size() - 1));
-  std::nth_element(lines.begin(), at, lines.end());
-  return *at * kLine_bytes;
+/// Distinct lines and pages of each tick.
+struct Touched {
+  std::unordered_set<std::uint64_t> now;  ///< Lines of the tick that is running.
+  std::vector<std::uint64_t> lines, pages;
+
+  void end_tick(bool counts) {
+    std::unordered_set<std::uint64_t> distinct;
+    for (const std::uint64_t line : now) distinct.insert(line / kLinesOfPage);
+    if (counts) lines.push_back(now.size()), pages.push_back(distinct.size());
+    now.clear();
+  }
+};
+
+std::uint64_t percentile(std::vector<std::uint64_t> values, double share) {
+  if (values.empty()) return 0;
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
 }
 
 /// Reads a trace of lackey: "I  ADDRESS,SIZE" is an instruction, " L", " S" and " M" are loads, stores and both.
 int count(std::uint64_t cycle, std::size_t first_tick) {
-  std::unordered_set<std::uint64_t> code, data;
-  std::vector<std::uint64_t> code_lines, data_lines;
+  Touched code, data;
   std::uint64_t last_end = 0, returns_to = 0;
   std::size_t tick = 0;
   bool inside = false;
@@ -69,18 +81,23 @@ int count(std::uint64_t cycle, std::size_t first_tick) {
       returns_to = last_end;
     } else if (instruction && inside && address == returns_to) {
       inside = false;
-      if (tick++ >= first_tick) code_lines.push_back(code.size()), data_lines.push_back(data.size());
-      code.clear(), data.clear();
+      code.end_tick(tick >= first_tick);
+      data.end_tick(tick >= first_tick);
+      ++tick;
     }
     if (instruction) last_end = address + size;
     if (!inside) continue;
     for (std::uint64_t at = address / kLine_bytes; at <= (address + size - 1) / kLine_bytes; ++at) {
-      (instruction ? code : data).insert(at);
+      (instruction ? code : data).now.insert(at);
     }
   }
-  std::printf("%zu\t%lu\t%lu\t%lu\t%lu\n", data_lines.size(), bytes_at(data_lines, 0.5), bytes_at(data_lines, 0.99),
-              bytes_at(code_lines, 0.5), bytes_at(code_lines, 0.99));
-  return data_lines.empty() ? 1 : 0;
+  std::printf("%zu", data.lines.size());
+  for (const Touched* each : {&data, &code}) {
+    for (const double share : {0.5, 0.99}) std::printf("\t%lu", percentile(each->lines, share) * kLine_bytes);
+    for (const double share : {0.5, 0.99}) std::printf("\t%lu", percentile(each->pages, share));
+  }
+  std::printf("\n");
+  return data.lines.empty() ? 1 : 0;
 }
 
 }  // namespace

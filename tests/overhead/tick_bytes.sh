@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Distinct cache lines that a tick of the haptic loop touches, traced by valgrind's lackey: bytes of data and of code.
+# Distinct cache lines and pages that a tick of the haptic loop touches, traced by valgrind's lackey: of data and of code.
 # A figure for people, not a test: it takes about 10 minutes.
 # usage: tools/build overhead_tick_bytes && tests/overhead/tick_bytes.sh BIN_DIR SOURCE_DIR [SCENE…]   status 77 (skipped) without valgrind
 set -euo pipefail
@@ -40,11 +40,12 @@ settings() {
   printf '%s\n' "$@"
 }
 
-printf '%-12s %6s %15s %15s %15s %15s\n' scene ticks 'data p50 [B]' 'data p99 [B]' 'code p50 [B]' 'code p99 [B]'
+printf '%-12s %6s %21s %14s %21s %14s\n' scene ticks 'data p50, p99 [B]' 'pages' 'code p50, p99 [B]' 'pages'
 for scene in "${scenes[@]}"; do
   mapfile -t words < <(settings "$scene")
   valgrind -q --tool=lackey --trace-mem=yes --log-fd=9 "$program" run "$source/config/${words[0]}" 1.0 "${words[@]:1}" \
     9>&1 >/dev/null 2>"$folder/log" | "$program" count "$cycle" 500 >"$folder/out" || { cat "$folder/log" >&2; exit 1; }
-  IFS=$'\t' read -r ticks data50 data99 code50 code99 <"$folder/out"
-  printf '%-12s %6s %15s %15s %15s %15s   %s\n' "$scene" "$ticks" "$data50" "$data99" "$code50" "$code99" "$(cat "$folder/log")"
+  IFS=$'\t' read -r ticks data50 data99 data_pages50 data_pages99 code50 code99 code_pages50 code_pages99 <"$folder/out"
+  printf '%-12s %6s %10s %10s %6s %7s %10s %10s %6s %7s   %s\n' "$scene" "$ticks" "$data50" "$data99" "$data_pages50" "$data_pages99" \
+    "$code50" "$code99" "$code_pages50" "$code_pages99" "$(cat "$folder/log")"
 done

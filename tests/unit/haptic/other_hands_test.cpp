@@ -128,6 +128,42 @@ TEST_F(OtherHandsTest, AHandThatIsNotHeardGoesOnForTwoTicks) {
   EXPECT_NEAR(heard_n_s, 4e-3, 1e-12) << "it was only late: what it gave, and no more";
 }
 
+// Where three messages in a row were lost before, three that are lost again are no pause in its push either.
+TEST_F(OtherHandsTest, AHandWhoseMessagesGetLostGoesOnForLonger) {
+  const auto push_for = [&](int ticks, int lost) {
+    for (int i = 0; i < ticks; ++i) {
+      pusher.tick(2e-3);
+      if (i < ticks - lost) hear(pusher.now_ns + kTick_ns);
+    }
+  };
+  pusher.tick(0.0);
+  hear();
+  push_for(10, 3);
+  push_for(200, 0);
+  const double before_n_s = heard_n_s;
+  const std::uint64_t last_ns = pusher.now_ns;
+  for (int lag = 2; lag <= 4; ++lag) {
+    hear(last_ns + lag * kTick_ns);
+    EXPECT_NEAR(heard_n_s - before_n_s, 2e-3 * (lag - 1), 1e-12);
+  }
+  hear(last_ns + 16 * kTick_ns);
+  EXPECT_NEAR(heard_n_s - before_n_s, -2e-3, 1e-12) << "it has ended: what the running tick was taken to give is back";
+}
+
+// A loop that paused for long is no reason to push on for as long.
+TEST_F(OtherHandsTest, AHandNeverGoesOnForMoreThanSixTicks) {
+  pusher.tick(0.0);
+  hear();
+  pusher.now_ns += 50 * kTick_ns;
+  pusher.tick(2e-3);
+  hear();
+  pusher.tick(2e-3);
+  const double before_n_s = heard_n_s;
+  for (int lag = 1; lag <= 17; ++lag) hear(pusher.now_ns + lag * kTick_ns);
+  EXPECT_LE(heard_n_s - before_n_s, 2e-3 * (1 + 6));
+  EXPECT_GT(heard_n_s - before_n_s, 2e-3 * (1 + 5.99));
+}
+
 // Physics drops what lies between two mapping epochs, and what a hand without forces does.
 TEST_F(OtherHandsTest, ANewStartIsNoImpulse) {
   pusher.tick(0.0);
