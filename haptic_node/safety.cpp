@@ -119,6 +119,12 @@ void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
   }
 }
 
+/// A loop that misses periods must not fade for longer: whoever counts on zero counts time.
+double SafetyLadder::periods_since_last(const SafetyInput& input) const noexcept {
+  if (last_cycle_ns_ == 0) return 1.0;
+  return std::max(1.0, std::round(rtbus::seconds_between(last_cycle_ns_, input.now_ns) / input.dt_s));
+}
+
 double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept {
   const bool open = input.enabled && input.link_alive && !input.estop;
   // Afterwards as at the start: nobody knows what the hand did meanwhile.
@@ -134,7 +140,8 @@ double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted)
     gate_ = 0.0;
     acted |= overspeed_ ? kOverspeed : kDeviceLost;
   } else if (!open) {
-    gate_ = config_.stale_fade_s > 0.0 ? std::max(0.0, gate_ - input.dt_s / config_.stale_fade_s) : 0.0;
+    const double passed_s = periods_since_last(input) * input.dt_s;
+    gate_ = config_.stale_fade_s > 0.0 ? std::max(0.0, gate_ - passed_s / config_.stale_fade_s) : 0.0;
     acted |= input.estop ? kEstop : input.enabled ? kStale : kDisabled;
   } else if (gate_ < 1.0) {
     const double ramp_s = ever_open_ ? config_.resume_ramp_s : config_.start_ramp_s;

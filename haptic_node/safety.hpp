@@ -143,6 +143,7 @@ class SafetyLadder {
   [[nodiscard]] double update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept;
   void watch_speed(const SafetyInput& input) noexcept;
   void book_energy(const SafetyInput& input) noexcept;
+  [[nodiscard]] double periods_since_last(const SafetyInput& input) const noexcept;
   void watch_rest(const Eigen::Vector3d& position_m, double dt_s) noexcept;
   /// @param force_n Before the gate.
   void fill_resting_spring(const SafetyInput& input, const Eigen::Vector3d& force_n) noexcept;

@@ -490,6 +490,19 @@ TEST(SafetyLadder, FadesToZeroIn40MsOnceTheLinkIsLost) {
   EXPECT_NEAR(last, 0.0, 1e-9);
 }
 
+// Time counts, not ticks: a loop that gets a half or a fifth of its periods fades as fast.
+TEST(SafetyLadder, FadesAsFastWhenTheLoopMissesPeriods) {
+  for (const std::uint64_t ticks : {2u, 5u}) {
+    SafetyLadder ladder = opened();
+    SafetyInput input = healthy({0.0, 1.0, 0.0});
+    (void)step(ladder, input);
+    input.link_alive = false;
+    for (std::uint64_t passed = ticks; passed <= 40; passed += ticks) {
+      EXPECT_NEAR(step(ladder, input, ticks).force_n.y(), 1.0 - static_cast<double>(passed) / 40.0, 1e-9) << ticks;
+    }
+  }
+}
+
 TEST(SafetyLadder, ComesBackNoFasterThanTheResumeRamp) {
   SafetyLadder ladder = opened();
   SafetyInput input = healthy({0.0, 5.0, 0.0});

@@ -63,7 +63,8 @@ double nearest_of_all(const Triangles& mesh, const Vector3d& p) {
 std::vector<Surface::Minimum> minima_of(const Surface& surface, const Vector3d& p, double reach_m,
                                         std::size_t room = 64) {
   std::vector<Surface::Minimum> out(room);
-  out.resize(surface.minima(p, reach_m, out));
+  Surface::Trail trail;
+  out.resize(surface.minima(p, reach_m, out, trail));
   return out;
 }
 

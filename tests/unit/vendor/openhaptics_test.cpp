@@ -4,10 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "drivers/openhaptics/hd.hpp"
 #include "drivers/virtual_vendor/openhaptics/plug.hpp"
@@ -184,15 +186,22 @@ TEST(OpenHaptics, PushesInTheDirectionThatIsAskedAroundTheMiddleOfItsWorkspace) 
     for (const double p : desk.sample.position_m) EXPECT_NEAR(p, 0.0, 1e-4) << "the library's origin is elsewhere";
     Vec3 force{};
     force[axis] = 2.0;
-    DeviceSample before, last;
+    // Its speed is that of its way, from one sample to the next. A machine that pauses between the look at the device
+    // and the look at the clock shortens some of these times, and lengthens others.
+    DeviceSample last;
+    std::vector<double> shares;
     EXPECT_TRUE(desk.until(2.0, force, [&] {
-      if (desk.sample.time_ns != last.time_ns) before = std::exchange(last, desk.sample);
+      if (desk.sample.time_ns == last.time_ns) return false;
+      const DeviceSample before = std::exchange(last, desk.sample);
+      const double way_m = last.position_m[axis] - before.position_m[axis];
+      if (before.position_m[axis] > 0.001) {
+        shares.push_back(last.velocity_m_s[axis] * rtbus::seconds_between(before.time_ns, last.time_ns) / way_m);
+      }
       return last.position_m[axis] > 0.005;
     }));
-    // Its speed is that of its way, from one sample to the next.
-    const double v_m_s = last.velocity_m_s[axis];
-    const double way_m = last.position_m[axis] - before.position_m[axis];
-    EXPECT_NEAR(v_m_s, way_m / rtbus::seconds_between(before.time_ns, last.time_ns), 0.3 * v_m_s);
+    ASSERT_FALSE(shares.empty());
+    std::sort(shares.begin(), shares.end());
+    EXPECT_NEAR(shares[shares.size() / 2], 1.0, 0.3);
     for (std::size_t other = 0; other < 3; ++other) {
       if (other != axis) {
         EXPECT_NEAR(desk.sample.position_m[other], 0.0, 1e-4);

@@ -102,6 +102,8 @@ Json physics_json(const PhysicsView& view) {
     json["engine"] = rtbus::text_of(view.info->kind);
     json["clock"] = rtbus::text_of(view.info->clock);
     json["bodies"] = view.info->bodies;
+    json["scheduling"] = rtbus::text_of(view.info->scheduling);
+    json["realtime"] = rtbus::text_of(view.info->realtime);
     json["left_out"] = rtbus::text_of(view.info->left_out);
   }
   if (view.stats) {
