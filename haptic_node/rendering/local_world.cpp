@@ -310,7 +310,6 @@ std::size_t LocalWorld::solve(double h) noexcept {
 
 void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept {
   foreseen_n_s_.reset();
-  shapes_.fetch();
   begin_tick(spring, sample_ns, h);
   if (lag_of(spring, h) <= 0.0) return;
   contacts_.keep();

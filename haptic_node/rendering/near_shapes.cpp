@@ -69,7 +69,7 @@ std::size_t NearShapes::minima(int shape, const Vector3d& proxy_m, double reach_
   if (asked_.shape != shape || asked_.proxy_m != proxy_m || asked_.reach_m != reach_m) {
     const KnownShape& known = (*known_)[shape];
     const Pose pose = pose_of(known);
-    asked_.found = known.surface()->minima(pose.in_body(proxy_m), reach_m, asked_.minima, trail_);
+    asked_.found = known.surface()->minima(pose.in_body(proxy_m), reach_m, asked_.minima);
     for (std::size_t m = 0; m < asked_.found; ++m) asked_.minima[m].point_m = pose.in_world(asked_.minima[m].point_m);
     asked_.shape = shape, asked_.proxy_m = proxy_m, asked_.reach_m = reach_m;
   }

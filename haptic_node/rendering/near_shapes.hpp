@@ -53,9 +53,6 @@ class NearShapes {
   [[nodiscard]] std::size_t minima(int shape, const Eigen::Vector3d& proxy_m, double reach_m,
                                    Minima& out) noexcept RTBUS_NONBLOCKING;
 
-  /// Asks for the memory that the last search looked at. Before a tick's first search, with other work in between.
-  void fetch() const noexcept RTBUS_NONBLOCKING { trail_.fetch(); }
-
   /// A surface of triangles has no inside: whether a proxy of that size can be held by it.
   [[nodiscard]] bool holds(double radius_m) const noexcept { return radius_m >= tuning_.least_proxy_m; }
 
@@ -82,7 +79,6 @@ class NearShapes {
     Minima minima;
   };
   Asked asked_;  ///< Last.
-  rtbus::shapes::Surface::Trail trail_;
   std::array<Named, rtbus::kContactSlots> named_{};
   std::size_t named_count_ = 0;
 };

@@ -246,8 +246,7 @@ bool Surface::is_minimum(const Triangle& triangle, TrianglePart part, const Vect
   return true;
 }
 
-std::size_t Surface::minima(const Vector3d& p, double reach_m, std::span<Minimum> out, Trail& trail) const noexcept {
-  trail.count_ = 0;
+std::size_t Surface::minima(const Vector3d& p, double reach_m, std::span<Minimum> out) const noexcept {
   if (nodes_.empty() || out.empty()) return 0;
   std::size_t found = 0;
   double reach = reach_m;  // less once `out` is full
@@ -271,7 +270,6 @@ std::size_t Surface::minima(const Vector3d& p, double reach_m, std::span<Minimum
   while (height > 0) {
     const std::uint32_t index = stack[--height];
     const Node& node = nodes_[index];
-    trail.add(node);
     const Vector3d outside =
         (node.low.cast<double>() - p).cwiseMax(p - node.high.cast<double>()).cwiseMax(Vector3d::Zero());
     if (outside.squaredNorm() > reach * reach || turns_away(node, p)) continue;
@@ -282,7 +280,6 @@ std::size_t Surface::minima(const Vector3d& p, double reach_m, std::span<Minimum
     }
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
       const Triangle& triangle = triangles_[i];
-      trail.add(triangle);
       TrianglePart part;
       const Vector3d at = nearest_on_triangle(p, triangle.corner, part);
       const Vector3d way = p - at;

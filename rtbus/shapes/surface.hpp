@@ -43,44 +43,21 @@ class Surface {
     double distance_m = 0.0;                            ///< To the query, ≥ 0: a surface has no inside here.
     std::uint64_t feature = 0;                          ///< Face, edge or corner that it is on; the same in each query.
   };
-  /// The memory that a query looked at. The next one, near it, looks there too: where other work has filled the caches
-  /// meanwhile, one line after the other would come from main memory. They come at the same time when asked for first.
-  class Trail {
-   public:
-    void fetch() const noexcept {
-      for (std::size_t i = 0; i < count_; ++i) __builtin_prefetch(lines_[i]);
-    }
-
-   private:
-    friend class Surface;
-    template <class T>
-    void add(const T& seen) noexcept {
-      const char* const first = reinterpret_cast<const char*>(&seen);
-      for (std::size_t at = 0; at < sizeof(T) && count_ < lines_.size(); at += kLine_bytes)
-        lines_[count_++] = first + at;
-    }
-    std::array<const char*, 256> lines_;
-    std::size_t count_ = 0;
-  };
-
   /// The minima nearer than `reach_m` to `p`, in no order; the nearest ones where `out` is too short.
-  /// @param p In the body's frame. @param reach_m How far from `p`, > 0. @param out Where they go. @param trail What
-  /// this query looks at, as far as there is room. @returns their number.
-  /// @realtime Yes: no allocation; the time grows with the number of triangles within reach.
-  [[nodiscard]] std::size_t minima(const Eigen::Vector3d& p, double reach_m, std::span<Minimum> out,
-                                   Trail& trail) const noexcept;
+  /// @param p In the body's frame. @param reach_m How far from `p`, > 0. @param out Where they go. @returns their
+  /// number. @realtime Yes: no allocation; the time grows with the number of triangles within reach.
+  [[nodiscard]] std::size_t minima(const Eigen::Vector3d& p, double reach_m, std::span<Minimum> out) const noexcept;
 
   [[nodiscard]] std::size_t triangle_count() const noexcept { return triangles_.size(); }
 
  private:
-  static constexpr std::size_t kLine_bytes = 64;  // of a cache
-  struct alignas(32) Triangle {
+  struct Triangle {
     std::array<Eigen::Vector3d, 3> corner;
     std::array<std::uint32_t, 3> vertex{};
     std::array<std::uint32_t, 3> edge{};  ///< Edge i leads from corner i to corner i + 1.
   };
   /// A leaf has triangles; else the left child is the next node.
-  struct alignas(kLine_bytes) Node {
+  struct Node {
     Eigen::Vector3f low, high;
     std::uint32_t first = 0;  ///< Triangle of a leaf, else the right child.
     std::uint32_t count = 0;  ///< Triangles of a leaf, else 0.

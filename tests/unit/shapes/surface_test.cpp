@@ -63,8 +63,7 @@ double nearest_of_all(const Triangles& mesh, const Vector3d& p) {
 std::vector<Surface::Minimum> minima_of(const Surface& surface, const Vector3d& p, double reach_m,
                                         std::size_t room = 64) {
   std::vector<Surface::Minimum> out(room);
-  Surface::Trail trail;
-  out.resize(surface.minima(p, reach_m, out, trail));
+  out.resize(surface.minima(p, reach_m, out));
   return out;
 }
 
