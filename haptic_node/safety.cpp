@@ -119,13 +119,7 @@ void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
   }
 }
 
-/// A loop that misses periods must not fade for longer: whoever counts on zero counts time.
-double SafetyLadder::periods_since_last(const SafetyInput& input) const noexcept {
-  if (last_cycle_ns_ == 0) return 1.0;
-  return std::max(1.0, std::round(rtbus::seconds_between(last_cycle_ns_, input.now_ns) / input.dt_s));
-}
-
-double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept {
+double SafetyLadder::update_gate(const SafetyInput& input, double since_s, std::uint32_t& acted) noexcept {
   const bool open = input.enabled && input.link_alive && !input.estop;
   // Afterwards as at the start: nobody knows what the hand did meanwhile.
   if (input.estop || !input.device_ok || (!input.enabled && !input.clutched)) ever_open_ = false;
@@ -140,7 +134,8 @@ double SafetyLadder::update_gate(const SafetyInput& input, std::uint32_t& acted)
     gate_ = 0.0;
     acted |= overspeed_ ? kOverspeed : kDeviceLost;
   } else if (!open) {
-    const double passed_s = periods_since_last(input) * input.dt_s;
+    // A loop that misses periods must not fade for longer: whoever counts on zero counts time.
+    const double passed_s = std::max(1.0, std::round(since_s / input.dt_s)) * input.dt_s;
     gate_ = config_.stale_fade_s > 0.0 ? std::max(0.0, gate_ - passed_s / config_.stale_fade_s) : 0.0;
     acted |= input.estop ? kEstop : input.enabled ? kStale : kDisabled;
   } else if (gate_ < 1.0) {
@@ -229,11 +224,9 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   if (!std::isfinite(checked.world_work_j)) checked.world_work_j = 0.0;
 
   book_energy(checked);
-  if (last_cycle_ns_ != 0) {
-    const double since_s = rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
-    paused_ = paused_ || since_s > kPausePeriods * checked.dt_s;
-    if (since_s > config_.force_timeout_s) start_over();
-  }
+  const double since_s = last_cycle_ns_ == 0 ? checked.dt_s : rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
+  paused_ = paused_ || since_s > kPausePeriods * checked.dt_s;
+  if (last_cycle_ns_ != 0 && since_s > config_.force_timeout_s) start_over();
 
   Eigen::Vector3d force = checked.force_n;
   if (!sane_force(force)) {
@@ -243,7 +236,7 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   force = clamp(force, config_.max_force_n, kClamped, out.acted);
   force = limit_slew(force, checked, out.acted);
   watch_speed(checked);
-  out.gate = update_gate(checked, out.acted);
+  out.gate = update_gate(checked, since_s, out.acted);
   // A fade only ever falls, also when the method goes on pulling harder at a proxy that stands still. The slew limit's
   // own state is held down with it, so that a fade that is called off goes on from here.
   if (fading_) force = slewed_n_ = shortened(slewed_n_, fade_from_n_);
@@ -272,7 +265,6 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
     out.acted |= kClamped;
   }
 
-  const double since_s = last_cycle_ns_ == 0 ? checked.dt_s : rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
   const double weight = since_s / (since_s + config_.thermal_time_constant_s);
   thermal_load_n2_ += weight * (out.force_n.squaredNorm() - thermal_load_n2_);
   held_.write(checked.now_ns, force);

@@ -140,10 +140,9 @@ class SafetyLadder {
   [[nodiscard]] Eigen::Vector3d limit_growth(const Eigen::Vector3d& force_n, const SafetyInput& input,
                                              std::uint32_t& acted) const noexcept;
   [[nodiscard]] Eigen::Vector3d follow_extra(const SafetyInput& input) noexcept;
-  [[nodiscard]] double update_gate(const SafetyInput& input, std::uint32_t& acted) noexcept;
+  [[nodiscard]] double update_gate(const SafetyInput& input, double since_s, std::uint32_t& acted) noexcept;
   void watch_speed(const SafetyInput& input) noexcept;
   void book_energy(const SafetyInput& input) noexcept;
-  [[nodiscard]] double periods_since_last(const SafetyInput& input) const noexcept;
   void watch_rest(const Eigen::Vector3d& position_m, double dt_s) noexcept;
   /// @param force_n Before the gate.
   void fill_resting_spring(const SafetyInput& input, const Eigen::Vector3d& force_n) noexcept;

@@ -23,10 +23,11 @@ namespace haptic {
 /// its last one, and the next tick puts that right. (Without it a block between two hands that push equally would get
 /// the own impulse of each tick before the other one, and drift away from the own hand.)
 ///
-/// A hand that is not heard goes on for a tick more than it was silent of late: a message that is lost, or a late loop,
-/// must not take its push from a body and give it back in the next tick. A gram gains 0.3 m/s by 0.3 N in 1 ms. Where
-/// no message is lost these are two ticks, so that the end of a hand is felt within 3 ms. After three times as long it
-/// has ended, and what it was taken to give is taken back. One thread. @realtime everything but the constructor.
+/// A hand that is not heard goes on for a tick more than it was silent of late (at most 5 ms): a message that is lost,
+/// or a late loop, must not take its push from a body and give it back in the next tick. A gram gains 0.3 m/s by 0.3 N
+/// in 1 ms. Where no message is lost these are two ticks, so that the end of a hand is felt within 3 ms. After three
+/// times as long it has ended, and what it was taken to give is taken back. One thread. @realtime everything but the
+/// constructor.
 class OtherHands {
  public:
   explicit OtherHands(std::size_t hands) : hands_(hands) {}

@@ -195,7 +195,7 @@ TEST(OpenHaptics, PushesInTheDirectionThatIsAskedAroundTheMiddleOfItsWorkspace) 
       const DeviceSample before = std::exchange(last, desk.sample);
       const double way_m = last.position_m[axis] - before.position_m[axis];
       if (before.position_m[axis] > 0.001) {
-        shares.push_back(last.velocity_m_s[axis] * rtbus::seconds_between(before.time_ns, last.time_ns) / way_m);
+        shares.push_back(way_m / (last.velocity_m_s[axis] * rtbus::seconds_between(before.time_ns, last.time_ns)));
       }
       return last.position_m[axis] > 0.005;
     }));
