@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/bare_loops.hpp"
 #include "tests/support/process.hpp"
 
 namespace {
@@ -111,7 +112,13 @@ TEST_F(DeviceTools, TestAFalconByItsUsbId) {
             "{hand: {type: waypoints, file: circle.csv, loop: true, impedance: firm, buttons: [{time_s: "
             "0.5, button: 2}, {time_s: 3, button: 2, pressed: false}, {time_s: 5, button: 1}, {time_s: "
             "60, button: 1, pressed: false}]}}}}");
-  EXPECT_EQ(rtbus({"device-test", "0403:CB48", "--virtual", file, "--yes", "--seconds", "4", "--json"}), 0) << output();
+  // A Falcon without an answer for 20 ms is let go at once. One thread or two may have waited for that.
+  constexpr double kLate_ms = 10.0;
+  const tests::BareLoops machine(tests::BareScheduling::kRealtime, kLate_ms);
+  const int status = rtbus({"device-test", "0403:CB48", "--virtual", file, "--yes", "--seconds", "4", "--json"});
+  const bool lost = output().find("the device was lost meanwhile") != std::string::npos;
+  if (lost && machine.pauses() > 0) GTEST_SKIP() << machine.text();
+  EXPECT_EQ(status, 0) << output();
   const json report = printed();
   EXPECT_TRUE(report["pass"]) << report.dump(1);
   EXPECT_EQ(report["device"], "novint_falcon");
