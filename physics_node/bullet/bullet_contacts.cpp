@@ -63,7 +63,7 @@ void BulletWorld::find_contacts(const btRigidBody& proxy, double radius, double 
     const double far = bodies_[i].reach + radius + max_gap;
     if ((from_bullet(rigid.getWorldTransform().getOrigin()) - centre).squaredNorm() > far * far) continue;
     near.clear();
-    nearest_points(*bodies_[i].made->shape, rigid.getWorldTransform(), centre, radius, max_gap, near);
+    nearest_points(*bodies_[i].made, rigid.getWorldTransform(), centre, radius, max_gap, near);
     for (const NearPoint& each : near) {
       Contact contact;
       contact.point_m = each.point / scale_;

@@ -72,6 +72,8 @@ MadeShape make_mesh(const config::TriangleMesh& surface, double scale) {
   }
   out.shape = std::make_unique<btBvhTriangleMeshShape>(out.triangles.get(), true);
   out.shape->setMargin(static_cast<btScalar>(kSkin * kGoodExtent));
+  out.surface = std::make_unique<const shapes::Surface>(surface.vertices_m, surface.triangles);
+  out.scale = scale;
   return out;
 }
 

@@ -1,19 +1,20 @@
 #include "physics_node/bullet/nearest.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
-#include <BulletCollision/CollisionShapes/btTriangleShape.h>
 #include <BulletCollision/NarrowPhaseCollision/btGjkEpaPenetrationDepthSolver.h>
 #include <BulletCollision/NarrowPhaseCollision/btGjkPairDetector.h>
 #include <BulletCollision/NarrowPhaseCollision/btPointCollector.h>
-
-#include "rtbus/shapes/surface.hpp"
 
 namespace physics::bullet {
 namespace {
 
 using Eigen::Vector3d;
+
+/// Of one mesh, the nearest: a smooth one has one, a crease two, a corner three.
+constexpr std::size_t kMeshPoints = 8;
 
 /// Around a core: distance to its nearest point, less the margin.
 NearPoint around(const Vector3d& p, const Vector3d& core, double margin, const Vector3d& if_inside) {
@@ -53,33 +54,13 @@ NearPoint nearest_cylinder(const btCylinderShape& cylinder, const Vector3d& p) {
   return {Vector3d(p.x(), up.y() * half.y(), p.z()), up, -to_cap};
 }
 
-/// Collects the faces near a point; what two faces share (an edge, a corner, a plane) counts once.
-class MeshVisitor final : public btTriangleCallback {
- public:
-  MeshVisitor(const Vector3d& p, double reach) : p_(p), reach_(reach) {}
-
-  void processTriangle(btVector3* corner, int, int) override {
-    const Vector3d a = from_bullet(corner[0]), b = from_bullet(corner[1]), c = from_bullet(corner[2]);
-    const Vector3d face = (b - a).cross(c - a).normalized();
-    const Vector3d if_inside = face.allFinite() ? face : Vector3d(Vector3d::UnitY());
-    rtbus::shapes::TrianglePart part;
-    const NearPoint hit = around(p_, rtbus::shapes::nearest_on_triangle(p_, {a, b, c}, part), 0.0, if_inside);
-    if (hit.gap > reach_) return;
-    for (NearPoint& known : found) {
-      if (known.normal.dot(hit.normal) < kSameDirection) continue;
-      if (hit.gap < known.gap) known = hit;
-      return;
-    }
-    found.push_back(hit);
-  }
-
-  std::vector<NearPoint> found;
-
- private:
-  static constexpr double kSameDirection = 0.9999;  // 0.8 degrees
-  Vector3d p_;
-  double reach_;
-};
+/// Of a mesh, whose frame `p` is in: the same places that the loop finds by itself.
+void nearest_surface(const rtbus::shapes::Surface& surface, double scale, const Vector3d& p, double reach,
+                     std::vector<NearPoint>& out) {
+  std::array<rtbus::shapes::Surface::Minimum, kMeshPoints> found;
+  const std::size_t count = surface.minima(p / scale, reach / scale, found);
+  for (std::size_t i = 0; i < count; ++i) out.push_back(around(p, scale * found[i].point_m, 0.0, Vector3d::UnitY()));
+}
 
 void nearest_hull(const btConvexShape& hull, const btTransform& pose, const Vector3d& centre, double radius,
                   double max_gap, std::vector<NearPoint>& out) {
@@ -99,8 +80,9 @@ void nearest_hull(const btConvexShape& hull, const btTransform& pose, const Vect
 
 }  // namespace
 
-void nearest_points(const btCollisionShape& shape, const btTransform& pose, const Vector3d& centre, double radius,
+void nearest_points(const MadeShape& made, const btTransform& pose, const Vector3d& centre, double radius,
                     double max_gap, std::vector<NearPoint>& out) {
+  const btCollisionShape& shape = *made.shape;
   if (shape.getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE) {
     nearest_hull(static_cast<const btConvexShape&>(shape), pose, centre, radius, max_gap, out);
     return;
@@ -131,14 +113,9 @@ void nearest_points(const btCollisionShape& shape, const btTransform& pose, cons
     case CYLINDER_SHAPE_PROXYTYPE:
       in_body.push_back(nearest_cylinder(static_cast<const btCylinderShape&>(shape), p));
       break;
-    case TRIANGLE_MESH_SHAPE_PROXYTYPE: {
-      const auto& mesh = static_cast<const btBvhTriangleMeshShape&>(shape);
-      MeshVisitor visitor(p, radius + max_gap);
-      const Vector3d reach = Vector3d::Constant(radius + max_gap);
-      mesh.processAllTriangles(&visitor, to_bullet(Vector3d(p - reach)), to_bullet(Vector3d(p + reach)));
-      in_body = std::move(visitor.found);
+    case TRIANGLE_MESH_SHAPE_PROXYTYPE:
+      nearest_surface(*made.surface, made.scale, p, radius + max_gap, in_body);
       break;
-    }
     default:
       break;  // make_shape() makes no other
   }

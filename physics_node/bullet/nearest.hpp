@@ -14,13 +14,13 @@ struct NearPoint {
   double gap = 0.0;                                   ///< To the sphere's surface; negative: penetrates.
 };
 
-/// Appends the points of `shape`, placed at `pose`, that are at most `max_gap` from the sphere: one for a convex shape;
-/// for a mesh one for each face, edge and corner that is nearest in its own direction.
+/// Appends the points of `made`, placed at `pose`, that are at most `max_gap` from the sphere: one for a convex shape;
+/// for a mesh the places where its distance has a minimum (rtbus::shapes::Surface), the nearest eight at most.
 ///
 /// The surface is the one that Bullet's contacts act on: edges of boxes and cylinders are rounded by their margin (a
 /// tenth of the smallest half extent), hulls stand out by their skin (meshes do not: Bullet solves sphere and triangle
 /// without it). Closed forms in double precision; a hull goes through Bullet's GJK.
-void nearest_points(const btCollisionShape& shape, const btTransform& pose, const Eigen::Vector3d& centre,
-                    double radius, double max_gap, std::vector<NearPoint>& out);
+void nearest_points(const MadeShape& made, const btTransform& pose, const Eigen::Vector3d& centre, double radius,
+                    double max_gap, std::vector<NearPoint>& out);
 
 }  // namespace physics::bullet

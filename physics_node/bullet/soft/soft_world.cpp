@@ -152,7 +152,7 @@ void SoftWorld::collide_with_body(btSoftBody& soft, const SceneBody& body, doubl
     btSoftBody::Node& node = soft.m_nodes[i];
     if (!TestPointAgainstAabb2(low - grown, high + grown, node.m_x)) continue;
     near_.clear();
-    nearest_points(*body.made->shape, pose, from_bullet(node.m_x), static_cast<double>(margin), 0.0, near_);
+    nearest_points(*body.made, pose, from_bullet(node.m_x), static_cast<double>(margin), 0.0, near_);
     for (const NearPoint& each : near_) add_contact(soft, node, rigid, each.normal, each.gap, hardness);
   }
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "rtbus/shapes/surface.hpp"
 #include "tests/unit/bullet/scenes.hpp"
 
 namespace {
@@ -222,6 +223,46 @@ TEST(BulletContacts, AgreeWithWhereBulletStopsTheProxy) {
     EXPECT_NEAR(set.contacts[0].gap_m, 0.0, 2e-5) << c.name;
     EXPECT_GT(set.contacts[0].normal.dot(world->proxy(0).contact_force_n.normalized()), 0.4) << c.name;
   }
+}
+
+// A rough surface has many faces within reach. What the proxy can touch is where the distance has a minimum.
+TEST(BulletContacts, OfAFineMeshLeaveRoomForWhatIsBehindThem) {
+  constexpr int kCells = 40;
+  constexpr double kCell_m = 1e-3;
+  auto rough = std::make_shared<rtbus::config::TriangleMesh>();
+  for (int i = 0; i <= kCells; ++i) {
+    for (int k = 0; k <= kCells; ++k) {
+      const double x = kCell_m * (i - kCells / 2), z = kCell_m * (k - kCells / 2);
+      rough->vertices_m.emplace_back(x, 3e-4 * std::sin(900.0 * x) * std::cos(700.0 * z), z);
+    }
+  }
+  const auto at = [](int i, int k) { return static_cast<std::uint32_t>(i * (kCells + 1) + k); };
+  for (int i = 0; i < kCells; ++i) {
+    for (int k = 0; k < kCells; ++k) {
+      rough->triangles.push_back({at(i, k), at(i, k + 1), at(i + 1, k)});
+      rough->triangles.push_back({at(i, k + 1), at(i + 1, k + 1), at(i + 1, k)});
+    }
+  }
+  rtbus::config::Scene scene;
+  scene.file = "test.yaml";
+  scene.bodies.push_back(body("rough", rtbus::config::Mesh{rough}));
+  scene.bodies.push_back(body("ball", rtbus::shapes::Sphere{0.01}, {0, 0.03, 0}, 0.1));
+  const auto world = bullet(scene, 20);
+  const Vector3d proxy_m(0, kRadiusM + 0.001, 0);
+  world->add_proxy({"haptic0", 0.1, kRadiusM, 0.0, proxy_m});
+  const ContactSet set = ask(*world, 0.012);
+  ASSERT_EQ(set.bodies.size(), 2U) << "the ball, 9 mm away, is crowded out";
+  EXPECT_EQ(set.contacts_overflow, 0U);
+  EXPECT_LE(set.contacts.size(), 9U);
+
+  double nearest_m = 1.0;
+  for (const auto& [a, b, c] : rough->triangles) {
+    rtbus::shapes::TrianglePart part;
+    const auto& v = rough->vertices_m;
+    nearest_m =
+        std::min(nearest_m, (proxy_m - rtbus::shapes::nearest_on_triangle(proxy_m, {v[a], v[b], v[c]}, part)).norm());
+  }
+  EXPECT_NEAR(set.contacts[0].gap_m, nearest_m - kRadiusM, 1e-7);
 }
 
 TEST(BulletContacts, LeaveAStackBitIdentical) {
