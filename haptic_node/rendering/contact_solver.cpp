@@ -34,14 +34,31 @@ double inverse_mass(const SolverBody* bodies, const SolverContact& contact, cons
   return out;
 }
 
-void push(SolverBody* bodies, const SolverContact& contact, const Direction& direction, double impulse_n_s) noexcept {
+void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s) noexcept {
+  const Direction& normal = contact.directions[0];
   SolverBody& a = bodies[contact.a];
-  a.velocity_m_s += (a.inverse_mass_per_kg * impulse_n_s) * direction.along;
-  a.angular_velocity_rad_s += impulse_n_s * direction.turn_a_per_kg_m;
+  a.velocity_m_s += (a.inverse_mass_per_kg * normal_n_s) * normal.along;
+  a.angular_velocity_rad_s += normal_n_s * normal.turn_a_per_kg_m;
   if (contact.b < 0) return;
   SolverBody& b = bodies[contact.b];
-  b.velocity_m_s -= (b.inverse_mass_per_kg * impulse_n_s) * direction.along;
-  b.angular_velocity_rad_s -= impulse_n_s * direction.turn_b_per_kg_m;
+  b.velocity_m_s -= (b.inverse_mass_per_kg * normal_n_s) * normal.along;
+  b.angular_velocity_rad_s -= normal_n_s * normal.turn_b_per_kg_m;
+}
+
+/// Along all three directions at once.
+void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s, const Vector2d& tangent_n_s) noexcept {
+  const auto& [normal, first, second] = contact.directions;
+  const Vector3d impulse_n_s =
+      normal_n_s * normal.along + tangent_n_s.x() * first.along + tangent_n_s.y() * second.along;
+  SolverBody& a = bodies[contact.a];
+  a.velocity_m_s += a.inverse_mass_per_kg * impulse_n_s;
+  a.angular_velocity_rad_s += normal_n_s * normal.turn_a_per_kg_m + tangent_n_s.x() * first.turn_a_per_kg_m +
+                              tangent_n_s.y() * second.turn_a_per_kg_m;
+  if (contact.b < 0) return;
+  SolverBody& b = bodies[contact.b];
+  b.velocity_m_s -= b.inverse_mass_per_kg * impulse_n_s;
+  b.angular_velocity_rad_s -= normal_n_s * normal.turn_b_per_kg_m + tangent_n_s.x() * first.turn_b_per_kg_m +
+                              tangent_n_s.y() * second.turn_b_per_kg_m;
 }
 
 void spin(SolverBody* bodies, const SolverContact& contact, double impulse) noexcept {
@@ -68,11 +85,13 @@ void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   auto& [normal, first, second] = contact.directions;
   prepare(bodies, contact, contact.normal, normal);
   contact.inverse_mass_normal_per_kg = inverse_mass(bodies, contact, normal, normal);
+  contact.mass_normal_kg = 1.0 / (contact.inverse_mass_normal_per_kg + contact.softness_per_kg);
   contact.inertia_torsion_kg_m2 = 0.0;
   if (contact.friction <= 0.0) return;
   const Vector3d tangent = contact.normal.unitOrthogonal();
   prepare(bodies, contact, tangent, first);
   prepare(bodies, contact, contact.normal.cross(tangent), second);
+  contact.slip_per_n_s = {inverse_mass(bodies, contact, normal, first), inverse_mass(bodies, contact, normal, second)};
   const double w00 = inverse_mass(bodies, contact, first, first);
   const double w01 = inverse_mass(bodies, contact, first, second);
   const double w11 = inverse_mass(bodies, contact, second, second);
@@ -105,7 +124,7 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const double soft = contact.softness_per_kg;
   const double normal_velocity = slip_m_s(bodies, contact, along_normal) + contact.closing_m_s +
                                  soft * (contact.normal_n_s - contact.expected_n_s);
-  double normal = std::max(0.0, contact.normal_n_s - normal_velocity / (contact.inverse_mass_normal_per_kg + soft));
+  double normal = std::max(0.0, contact.normal_n_s - normal_velocity * contact.mass_normal_kg);
   if (const double least = advance_impulse(contact); normal < least) {
     const double held_m_s = normal_velocity - soft * (contact.normal_n_s - contact.expected_n_s) +
                             contact.normal.dot(contact.surface_velocity_m_s) - contact.advance_m_s;
@@ -113,16 +132,16 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   }
   const double step = normal - contact.normal_n_s;
   double change = std::abs(step) * contact.inverse_mass_normal_per_kg;
-  if (step != 0.0) {
-    push(bodies, contact, along_normal, step);
-    contact.normal_n_s = normal;
-  }
-
-  if (contact.friction <= 0.0) return change;
+  contact.normal_n_s = normal;
   const double cone = contact.friction * (normal + contact.held_n_s);
   const Vector2d before = contact.tangent_n_s;
-  if (cone <= 0.0 && before.isZero(0.0) && contact.torsion_n_m_s == 0.0) return change;
-  const Vector2d slip(slip_m_s(bodies, contact, first), slip_m_s(bodies, contact, second));
+  if (contact.friction <= 0.0 || (cone <= 0.0 && before.isZero(0.0) && contact.torsion_n_m_s == 0.0)) {
+    if (step != 0.0) push(bodies, contact, step);
+    return change;
+  }
+  // The slip after the push along the normal, without waiting for it.
+  const Vector2d slip =
+      Vector2d(slip_m_s(bodies, contact, first), slip_m_s(bodies, contact, second)) + step * contact.slip_per_n_s;
   Vector2d after = before - contact.mass_tangent_kg * slip;
   if (after.squaredNorm() > cone * cone) {
     // What slides is braked against its slip. The matrix, which finds what sticks in one step, would turn that.
@@ -130,8 +149,7 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
     if (const double length = after.norm(); length > cone) after *= length > 0.0 ? cone / length : 0.0;
   }
   const Vector2d correction = after - before;
-  push(bodies, contact, first, correction.x());
-  push(bodies, contact, second, correction.y());
+  push(bodies, contact, step, correction);
   contact.tangent_n_s = after;
   change = std::max(change, correction.cwiseAbs().maxCoeff() * contact.inverse_mass_normal_per_kg);
 
@@ -151,14 +169,13 @@ void begin(SolverBody* bodies, SolverContact& contact) noexcept {
   const auto& [normal, first, second] = contact.directions;
   contact.normal_n_s = std::max(0.0, contact.normal.dot(contact.impulse_n_s));
   contact.tangent_n_s.setZero();
-  push(bodies, contact, normal, contact.normal_n_s);
   if (contact.friction <= 0.0) {
+    push(bodies, contact, contact.normal_n_s);
     contact.torsion_n_m_s = 0.0;
     return;
   }
   contact.tangent_n_s = {first.along.dot(contact.impulse_n_s), second.along.dot(contact.impulse_n_s)};
-  push(bodies, contact, first, contact.tangent_n_s.x());
-  push(bodies, contact, second, contact.tangent_n_s.y());
+  push(bodies, contact, contact.normal_n_s, contact.tangent_n_s);
   if (contact.torsion_n_m_s != 0.0) spin(bodies, contact, contact.torsion_n_m_s);
 }
 

@@ -53,6 +53,8 @@ struct SolverContact {
   // Made by prepare_contacts().
   std::array<Direction, 3> directions{};  ///< The normal, and two tangents where there is friction.
   double inverse_mass_normal_per_kg = 0.0;
+  double mass_normal_kg = 0.0;                             ///< With the softness.
+  Eigen::Vector2d slip_per_n_s = Eigen::Vector2d::Zero();  ///< m/s along the tangents for an impulse along the normal.
   Eigen::Matrix2d mass_tangent_kg = Eigen::Matrix2d::Zero();
   double least_mass_tangent_kg = 0.0;
   double inertia_torsion_kg_m2 = 0.0;
