@@ -413,12 +413,13 @@ TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
 }
 
 TEST_P(DeviceConformance, ReadAndWriteDoNotAllocate) {
+  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, 1.0);
   ASSERT_NO_FATAL_FAILURE(start());
   int bad = 0;
   allocations = 0;
   counting_allocations = true;
   ::operator delete(::operator new(8));  // shows that the counter counts; a new-expression could be optimised away
-  for (int i = 0; i < 200; ++i) {
+  for (int i = 0; i < 200 && bad == 0; ++i) {
     tick();
     DeviceSample sample;
     bad += read(sample) == IoStatus::kLost;
@@ -426,6 +427,8 @@ TEST_P(DeviceConformance, ReadAndWriteDoNotAllocate) {
   }
   counting_allocations = false;
   EXPECT_EQ(allocations, 1);
+  // A paused machine loses a device whose other end is a thread or a process beside.
+  if (bad > 0 && machine.pauses() > 0 && !GetParam().stepped_clock && !HasFailure()) GTEST_SKIP() << machine.text();
   EXPECT_EQ(bad, 0);
 }
 

@@ -118,30 +118,36 @@ void OutsideEngine::look_after() {
   }
 }
 
-rtbus::ProxyState OutsideEngine::await(std::uint64_t sequence) {
-  const std::uint64_t end_ns = rtbus::monotonic_ns() + static_cast<std::uint64_t>(kAnswer_s * 1e9);
-  rtbus::Stamped<rtbus::ProxyState> answer;
-  for (;;) {
-    if (answers_->read_latest(answer) == rtbus::ReadStatus::kFresh && answer.value.device_sequence >= sequence) break;
-    if (rtbus::monotonic_ns() > end_ns) {
-      throw EngineFailed("no answer within " + std::to_string(static_cast<int>(kAnswer_s)) + " s");
-    }
-    look_after();
-    rtbus::sleep_until(rtbus::monotonic_ns() + kPoll_ns);
-  }
-  step_index_ = answer.value.step_index;
-  return answer.value;
+void OutsideEngine::publish(const OutsideHand& hand) {
+  published_ns_ = rtbus::monotonic_ns();
+  hand_->publish(state_of(hand), published_ns_);
+  ++sent_;
 }
 
 rtbus::ProxyState OutsideEngine::step(const OutsideHand& hand) {
-  const std::uint64_t now_ns = rtbus::monotonic_ns();
-  const std::uint64_t before_ns = std::exchange(published_ns_, now_ns);
-  if (before_ns != 0 && now_ns > before_ns + kLongestPause_ns) {
+  const std::uint64_t began_ns = rtbus::monotonic_ns();
+  const auto give_up = [this](std::uint64_t since_ns) {
     published_ns_ = 0;
-    throw HandPaused(1e-6 * static_cast<double>(now_ns - before_ns));
+    throw HandPaused(1e-6 * static_cast<double>(rtbus::monotonic_ns() - since_ns));
+  };
+  if (published_ns_ != 0 && began_ns > published_ns_ + kLongestPause_ns) give_up(published_ns_);
+  publish(hand);
+  const std::uint64_t sequence = sent_;
+  const std::uint64_t end_ns = began_ns + static_cast<std::uint64_t>(kAnswer_s * 1e9);
+  rtbus::Stamped<rtbus::ProxyState> answer;
+  while (answers_->read_latest(answer) != rtbus::ReadStatus::kFresh || answer.value.device_sequence < sequence) {
+    const std::uint64_t now_ns = rtbus::monotonic_ns();
+    if (now_ns > end_ns) {
+      throw EngineFailed("no answer within " + std::to_string(static_cast<int>(kAnswer_s)) + " s");
+    }
+    // An engine that paused finds an old sample, takes the hand for gone and waits for it: is it there still?
+    if (now_ns > published_ns_ + kLongestPause_ns) publish(hand);
+    look_after();
+    rtbus::sleep_until(rtbus::monotonic_ns() + kPoll_ns);
   }
-  hand_->publish(state_of(hand), now_ns);
-  return await(++sent_);
+  if (sent_ != sequence) give_up(began_ns);
+  step_index_ = answer.value.step_index;
+  return answer.value;
 }
 
 rtbus::ProxyContacts OutsideEngine::contacts() {

@@ -70,7 +70,7 @@ class OutsideEngine {
   std::string write_session() const;
   rtbus::DeviceState state_of(const OutsideHand& hand) const;
   void look_after();
-  rtbus::ProxyState await(std::uint64_t sequence);
+  void publish(const OutsideHand& hand);
 
   const EngineFile& engine_;
   OutsideSetup setup_;
