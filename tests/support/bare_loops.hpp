@@ -104,4 +104,25 @@ class BareLoops {
   std::vector<std::thread> loops_;
 };
 
+/// What a measurement says that a pause of the machine can spoil.
+enum class Judged {
+  kHolds,
+  kFails,
+  kPaused,  ///< The machine paused in each of the tries.
+};
+
+/// Measures until the figure holds, or until it does not although the machine did not pause meanwhile.
+/// @param holds One measurement; whether its figure is as wanted. @param machine Gets what is to be said of kPaused.
+template <class Holds>
+[[nodiscard]] Judged judge_when_quiet(BareScheduling scheduling, double late_ms, int tries, std::string& machine,
+                                      Holds&& holds) {
+  for (int i = 0; i < tries; ++i) {
+    const BareLoops bare(scheduling, late_ms);
+    if (holds()) return Judged::kHolds;
+    if (bare.pauses() == 0) return Judged::kFails;
+    machine = bare.text();
+  }
+  return Judged::kPaused;
+}
+
 }  // namespace tests

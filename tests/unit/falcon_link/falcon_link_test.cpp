@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <string>
+
+#include "tests/support/bare_loops.hpp"
 #include "tests/support/falcon_desk.hpp"
 
 namespace drivers::falcon {
@@ -35,15 +38,18 @@ TEST(FalconLink, TheHandFeelsTheWallsForceWithinTwoPercent) {
   ASSERT_TRUE(desk.device->start(rtbus::monotonic_ns()));
   constexpr double kWall = 500.0;
   const auto wall = [](const DeviceSample& s) { return Vec3{0, std::max(0.0, -kWall * s.position_m[1]), 0}; };
-  // At rest after half a second; a starved machine may have let forces time out, so wait for a quiet stretch.
-  double worst = 1.0;
-  for (int attempt = 0; attempt < 20 && worst > 0.02; ++attempt) {
-    ASSERT_EQ(desk.loop(500, wall), 500);
+  // At rest after half a second.
+  double off = 1.0;
+  std::string machine;
+  const auto judged = tests::judge_when_quiet(tests::BareScheduling::kOrdinary, 1.0, 20, machine, [&] {
+    EXPECT_EQ(desk.loop(500, wall), 500);
     const double wanted_n = wall(desk.sample)[1];
-    ASSERT_GT(wanted_n, 1.0);
-    worst = (desk.applied_n() - Vector3d(0, wanted_n, 0)).norm() / wanted_n;
-  }
-  EXPECT_LE(worst, 0.02);
+    EXPECT_GT(wanted_n, 1.0);
+    off = (desk.applied_n() - Vector3d(0, wanted_n, 0)).norm() / wanted_n;
+    return off <= 0.02 || HasFailure();
+  });
+  if (judged == tests::Judged::kPaused) GTEST_SKIP() << "forces timed out; " << machine;
+  EXPECT_LE(off, 0.02);
   EXPECT_EQ(desk.device->figures().protocol.clamped, 0U);
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "drivers/phantom/phantom_protocol.hpp"
 #include "drivers/usb_host/libusb_channel.hpp"
@@ -12,6 +13,7 @@
 #include "drivers/virtual_devices/phantom/virtual_phantom.hpp"
 #include "drivers/virtual_usb/usbfs_shim.hpp"
 #include "rtbus/clock.hpp"
+#include "tests/support/bare_loops.hpp"
 
 namespace drivers::phantom {
 namespace {
@@ -128,14 +130,17 @@ TEST(PhantomLink, TheHandFeelsTheWallsForceWithinTwoPercent) {
   ASSERT_TRUE(desk.device->start(rtbus::monotonic_ns()));
   constexpr double kWall = 400.0;
   const auto wall = [](const DeviceSample& s) { return Vec3{0, std::max(0.0, -kWall * s.position_m[1]), 0}; };
-  double worst = 1.0;  // a starved machine may have let forces time out: wait for a quiet stretch
-  for (int attempt = 0; attempt < 20 && worst > 0.02; ++attempt) {
-    ASSERT_EQ(desk.loop(500, wall), 500);
+  double off = 1.0;
+  std::string machine;
+  const auto judged = tests::judge_when_quiet(tests::BareScheduling::kOrdinary, 1.0, 20, machine, [&] {
+    EXPECT_EQ(desk.loop(500, wall), 500);
     const double wanted_n = wall(desk.sample)[1];
-    ASSERT_GT(wanted_n, 0.5);
-    worst = (desk.applied_n() - Vector3d(0, wanted_n, 0)).norm() / wanted_n;
-  }
-  EXPECT_LE(worst, 0.02);
+    EXPECT_GT(wanted_n, 0.5);
+    off = (desk.applied_n() - Vector3d(0, wanted_n, 0)).norm() / wanted_n;
+    return off <= 0.02 || HasFailure();
+  });
+  if (judged == tests::Judged::kPaused) GTEST_SKIP() << "forces timed out; " << machine;
+  EXPECT_LE(off, 0.02);
   EXPECT_EQ(desk.device->figures().protocol.clamped, 0U);
 }
 

@@ -7,8 +7,10 @@
 
 #include <cstring>
 #include <limits>
+#include <string>
 
 #include "rtbus/clock.hpp"
+#include "tests/support/bare_loops.hpp"
 #include "tests/support/process.hpp"
 #include "tests/unit/usb_link/support.hpp"
 
@@ -120,15 +122,17 @@ TEST_F(IoDeviceTest, ZeroWhenTheLoopStopsWriting) {
 }
 
 // A device that falls silent with a force on: the zero is there 20 ms after its last answer, not three time-outs of an
-// answer later. A starved machine may miss that, so the best of some attempts counts.
+// answer later.
 TEST_F(IoDeviceTest, ADeviceThatFallsSilentGetsItsZeroWithinTwentyMilliseconds) {
   IoSettings io = settings();
   io.reply_timeout_s = 0.008;
   make({}, io);
   start();
-  double best_ms = 1e9;
-  for (int attempt = 0; attempt < 20 && best_ms > 20.0; ++attempt) {
-    ASSERT_TRUE(eventually(10.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk && force()[0] == 1.0; }));
+  double zero_ms = 0.0;
+  std::string machine;
+  const auto judged = tests::judge_when_quiet(tests::BareScheduling::kOrdinary, 1.0, 20, machine, [&] {
+    zero_ms = 1e9;
+    EXPECT_TRUE(eventually(10.0, [&] { return cycle({1, 0, 0}) == IoStatus::kOk && force()[0] == 1.0; }));
     std::size_t from = 0;
     std::uint64_t last_answer_ns = 0;
     port_.locked([&] {
@@ -145,14 +149,16 @@ TEST_F(IoDeviceTest, ADeviceThatFallsSilentGetsItsZeroWithinTwentyMilliseconds) 
       for (std::size_t i = from; i < port_.device.history.size(); ++i) {
         const auto& command = port_.device.history[i];
         if (command.time_ns <= last_answer_ns || tests::force_of(command.bytes)[0] != 0.0) continue;
-        best_ms = std::min(best_ms, 1e-6 * static_cast<double>(command.time_ns - last_answer_ns));
+        zero_ms = 1e-6 * static_cast<double>(command.time_ns - last_answer_ns);
         break;
       }
       port_.device.mute = false;
     });
-  }
-  EXPECT_LE(best_ms, 20.0);
-  EXPECT_GT(best_ms, 8.0) << "one lost answer alone is no reason";
+    return zero_ms <= 20.0 || HasFailure();
+  });
+  if (judged == tests::Judged::kPaused) GTEST_SKIP() << "zero after " << zero_ms << " ms; " << machine;
+  EXPECT_LE(zero_ms, 20.0);
+  EXPECT_GT(zero_ms, 8.0) << "one lost answer alone is no reason";
 }
 
 // What the driver makes zero by itself must not come back without a ramp: the loop learns that its force did not leave.

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "rtbus/realtime.hpp"
+#include "tests/support/bare_loops.hpp"
 #include "tests/unit/vendor/desk.hpp"
 
 namespace drivers {
@@ -91,18 +92,21 @@ TEST_P(SameWall, FirstContactIsWithinTwoPercentOfTheSimulatedDevices) {
 #endif
   const Push simulated = through_simulated();
   ASSERT_GT(simulated.peak_n, 0.5);
-  // A busy machine may hold the loop up in the middle of the contact: the best of five.
   double worst = 1.0;
-  for (int attempt = 0; attempt < 5 && worst > 0.02; ++attempt) {
+  std::string machine;
+  // A pause holds the loop up in the middle of the contact.
+  const auto judged = tests::judge_when_quiet(tests::BareScheduling::kOrdinary, 1.0, 5, machine, [&] {
     const Push felt = through(GetParam().driver, GetParam().unit);
     worst = std::max(std::abs(felt.peak_n / simulated.peak_n - 1.0), std::abs(felt.held_n / simulated.held_n - 1.0));
     std::printf("%s: largest %.4f N, held %.4f N; simulated %.4f N, %.4f N\n", GetParam().name, felt.peak_n,
                 felt.held_n, simulated.peak_n, simulated.held_n);
-  }
+    return worst <= 0.02 || HasFailure();
+  });
+  if (judged == tests::Judged::kPaused) GTEST_SKIP() << 100.0 * worst << " % off; " << machine;
 #if defined(__SANITIZE_ADDRESS__)
   if (worst > 0.02) {
-    std::printf("NOT CHECKED: %s was %.1f %% off in each of five contacts, with AddressSanitizer in every exchange\n",
-                GetParam().name, 100.0 * worst);
+    std::printf("NOT CHECKED: %s was %.1f %% off, with AddressSanitizer in every exchange\n", GetParam().name,
+                100.0 * worst);
     GTEST_SKIP() << "a figure of real time, and AddressSanitizer made every exchange late";
   }
 #endif
