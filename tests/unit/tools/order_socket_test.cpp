@@ -2,19 +2,25 @@
 #include "tools/cli/orders/order_socket.hpp"
 
 #include <gmock/gmock.h>
+#include <grp.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <thread>
 
 #include "rtbus/clock.hpp"
+#include "tests/support/users.hpp"
 
 namespace tools {
 namespace {
@@ -85,6 +91,61 @@ TEST(OrderSocket, IsForItsUserAloneAndGoneAfterwards) {
   }
   EXPECT_NE(::access(path.c_str(), F_OK), 0);
   EXPECT_THAT(send_order(name_of_this_test(), {{"order", "state"}}).error(), HasSubstr("takes no orders"));
+}
+
+/// What another user gets there: an answer, nothing (the connection ends), or no connection.
+enum class Gets { kAnswer, kNothing, kNoConnection };
+
+Gets another_user_gets(const std::string& path) {
+  constexpr uid_t kOther = 64'002;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    if (::setgroups(0, nullptr) != 0 || ::setresgid(kOther, kOther, kOther) != 0 ||
+        ::setresuid(kOther, kOther, kOther) != 0) {
+      ::_exit(9);
+    }
+    const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
+    if (::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+      ::_exit(errno == EACCES ? static_cast<int>(Gets::kNoConnection) : 9);
+    }
+    constexpr std::string_view kEstop = R"({"order": "estop"})";
+    char reply[4096];
+    const bool sent = ::send(fd, kEstop.data(), kEstop.size(), MSG_NOSIGNAL) > 0;
+    const bool answered = sent && ::recv(fd, reply, sizeof reply, 0) > 0;
+    ::_exit(static_cast<int>(answered ? Gets::kAnswer : Gets::kNothing));
+  }
+  int status = 0;
+  EXPECT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) < 9) << status;
+  return static_cast<Gets>(WEXITSTATUS(status));
+}
+
+// Three walls: the folder, the socket's mode, and the kernel, which names the caller.
+TEST(OrderSocket, AnotherUserOrdersNothing) {
+  if (::geteuid() != 0 || tests::is_root_alone()) GTEST_SKIP() << "needs root to be two users";
+  char folder[] = "/tmp/rtbus-orders-XXXXXX";
+  ASSERT_NE(::mkdtemp(folder), nullptr);
+  const char* const before = std::getenv("XDG_RUNTIME_DIR");
+  const std::string kept = before != nullptr ? before : "";
+  ::setenv("XDG_RUNTIME_DIR", folder, 1);
+  {
+    const Served served(name_of_this_test());
+    const std::string& path = served.path();
+    ASSERT_EQ(path.rfind(folder, 0), 0u) << path;
+    EXPECT_EQ(another_user_gets(path), Gets::kNoConnection) << "the folder has mode 0700";
+    ASSERT_EQ(::chmod(folder, 0755), 0);
+    EXPECT_EQ(another_user_gets(path), Gets::kNoConnection) << "the socket has mode 0600";
+    ASSERT_EQ(::chmod(path.c_str(), 0666), 0);
+    EXPECT_EQ(another_user_gets(path), Gets::kNothing) << "the kernel names the caller";
+    const int own = connect_raw(path);
+    EXPECT_THAT(say(own, R"({"order": "estop"})"), HasSubstr("estop"));
+    ::close(own);
+  }
+  before != nullptr ? ::setenv("XDG_RUNTIME_DIR", kept.c_str(), 1) : ::unsetenv("XDG_RUNTIME_DIR");
+  ::rmdir(folder);
 }
 
 TEST(OrderSocket, RefusesWhatIsNoOrderAndGoesOn) {
