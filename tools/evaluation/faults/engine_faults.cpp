@@ -35,7 +35,6 @@ FaultRow row_of(const PythonFault& fault) {
   row.restarts_least = row.restarts_most = fault.ends_the_program ? 1 : 0;
   row.hold_s = fault.lasts_s;
   row.held = fault.lasts_s > 0.0;
-  row.both_methods = false;  // it tells no contacts, which local_contact needs
   row.why_not = [] {
     static const std::string why = why_no_python_engine();
     return why;

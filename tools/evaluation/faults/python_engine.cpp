@@ -31,8 +31,10 @@ def add_nan():
 def fault():
 FAULT
 
-with rtbus.Engine() as engine:
+with rtbus.Engine(gives_bodies=True, bodies=1) as engine:
     for step in engine:
+        if step.index == 1:
+            engine.body(0, (0, 0, 0))
         if step.index % 10 == 0 and os.path.exists(TRIGGER):
             os.remove(TRIGGER)
             fault()
@@ -44,6 +46,10 @@ with rtbus.Engine() as engine:
                 push = max(0.0, min((hand.radius - hand.position[1]) / step.dt, 0.1) - velocity[1])
                 velocity = velocity + push * UP
                 hand.move(hand.position + step.dt * velocity, velocity, mass * push * UP / step.dt)
+            if hand.placed:
+                x, y, z = hand.position
+                if y - hand.radius < hand.reach:
+                    hand.contact(0, (x, 0, z), UP, y - hand.radius, 0.0)
 )";
 
 std::string replaced(std::string text, const std::string& word, const std::string& by) {
