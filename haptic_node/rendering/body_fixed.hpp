@@ -15,7 +15,6 @@ class FixedBody {
     motion.centre_m = told.centre_m();
     return Eigen::Quaterniond::Identity();
   }
-  void advance(const StepSolution& /*step*/, BodyMotion& /*motion*/) noexcept {}
 };
 
 }  // namespace haptic

@@ -31,8 +31,6 @@ constexpr double kBlocked_rad = 0.5;
 /// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less. With its own spring it
 /// swings once in 28 ticks or faster, which is not slow beside an answer.
 constexpr double kHeavy = 20.0;
-/// Cosine of 18 degrees: a support that looks that way is on that face.
-constexpr double kSameWay = 0.95;
 /// As old as an answer is without a network.
 constexpr double kGivesWay_s = 10e-3;
 
@@ -94,7 +92,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      if (!lie_on_faces(since.shapes, motion, supports, before)) stand_on(since.tuning, supports, motion);
+      if (!lie_on_faces(since.shapes, since.tuning, motion, supports, before)) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -145,8 +143,8 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
 /// A box or a hull whose supports are all on planes and boxes that are known lies there with its corners, or with those
 /// of what holds it. It tips, turns and slides off as they push.
 /// @param before Its supports so far, if it lay so then: what they bore is what its corners begin with.
-bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion, SupportPool& supports,
-                            std::span<const Support> before) noexcept {
+bool FreeBody::lie_on_faces(const KnownShapes& shapes, const Tuning& tuning, const BodyMotion& motion,
+                            SupportPool& supports, std::span<const Support> before) noexcept {
   if (box_ == nullptr && hull_ == nullptr) return false;
   std::array<Support, kFaces> held;
   std::array<rtbus::shapes::FacePoints, kFaces> found;
@@ -155,7 +153,8 @@ bool FreeBody::lie_on_faces(const KnownShapes& shapes, const BodyMotion& motion,
     const Support& told = supports.rows[i];
     rtbus::shapes::FacePoints corners;
     const auto* const holder = shapes.holder_at(motion.centre_m + told.from_centre_m, [&](const auto& each) {
-      return corners_on(each, motion.centre_m, motion.q_WB, corners) && corners.normal.dot(told.normal) >= kSameWay;
+      return corners_on(each, motion.centre_m, motion.q_WB, corners) &&
+             corners.normal.dot(told.normal) >= tuning.same_plane_cosine;
     });
     if (holder == nullptr) return false;
     std::size_t face = 0;

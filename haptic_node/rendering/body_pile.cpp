@@ -3,12 +3,9 @@
 #include <algorithm>
 
 namespace haptic {
-namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-}  // namespace
 
 Quaterniond PileBody::take(const ToldBody& told, const SinceAnswer& since, const Known& before,
                            const Vector3d& given_n_s, double hand_m_s, BodyMotion& motion) noexcept {

@@ -32,7 +32,7 @@ struct LocalProxy {
 struct TakenAnswer {
   const rtbus::ProxyContacts& answer;
   std::uint64_t now_ns = 0;
-  std::size_t rigid_rows = 0;  ///< Rows of rigid bodies; soft ones come after them.
+  std::size_t rigid_rows = 0;  ///< Rows of its bodies. What yields is told apart.
   std::span<const std::size_t> slot_of_row;
   std::span<const Eigen::Quaterniond> turned;  ///< Each row's body, from the answer's instant to now.
 };

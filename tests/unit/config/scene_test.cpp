@@ -166,7 +166,27 @@ class MemoryFile {
   int file_;
 };
 
-// A mesh of a million triangles is read; what is beyond that is refused where it begins.
+// A grid of a million triangles, whose faces are squares.
+TEST(Scene, ReadsAMeshOfAMillionTriangles) {
+  constexpr int kCells = 708;
+  std::string grid;
+  for (int i = 0; i <= kCells; ++i) {
+    for (int k = 0; k <= kCells; ++k) grid += "v " + std::to_string(i) + " 0 " + std::to_string(k) + '\n';
+  }
+  for (int i = 0; i < kCells; ++i) {
+    for (int k = 1; k <= kCells; ++k) {
+      const int a = i * (kCells + 1) + k, d = a + kCells + 1;
+      for (const int corner : {a, a + 1, d + 1, d}) grid += (corner == a ? "f " : " ") + std::to_string(corner);
+      grid += '\n';
+    }
+  }
+  const MemoryFile file(grid);
+  const auto mesh = rtbus::config::read_obj(file.path(), 1e-3);
+  EXPECT_EQ(mesh.triangles.size(), std::size_t{2 * kCells * kCells});
+  EXPECT_NEAR(mesh.extents_m().x(), 1e-3 * kCells, 1e-12);
+}
+
+// What is beyond what a mesh may have is refused where it begins.
 TEST(Scene, RefusesMeshesOfMoreThanItHolds) {
   std::string fan = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf";
   for (int i = 0; i < 2'000'003; ++i) fan += i % 2 == 0 ? " 1" : " 3";
