@@ -232,7 +232,7 @@ TEST(BulletContacts, OfAFineMeshLeaveRoomForWhatIsBehindThem) {
   auto rough = std::make_shared<rtbus::config::TriangleMesh>();
   for (int i = 0; i <= kCells; ++i) {
     for (int k = 0; k <= kCells; ++k) {
-      const double x = kCell_m * (i - kCells / 2), z = kCell_m * (k - kCells / 2);
+      const double x = kCell_m * (i - 0.5 * kCells), z = kCell_m * (k - 0.5 * kCells);
       rough->vertices_m.emplace_back(x, 3e-4 * std::sin(900.0 * x) * std::cos(700.0 * z), z);
     }
   }

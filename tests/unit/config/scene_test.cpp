@@ -168,22 +168,22 @@ class MemoryFile {
 
 // A grid of a million triangles, whose faces are squares.
 TEST(Scene, ReadsAMeshOfAMillionTriangles) {
-  constexpr int kCells = 708;
+  constexpr std::size_t kCells = 708;
   std::string grid;
-  for (int i = 0; i <= kCells; ++i) {
-    for (int k = 0; k <= kCells; ++k) grid += "v " + std::to_string(i) + " 0 " + std::to_string(k) + '\n';
+  for (std::size_t i = 0; i <= kCells; ++i) {
+    for (std::size_t k = 0; k <= kCells; ++k) grid += "v " + std::to_string(i) + " 0 " + std::to_string(k) + '\n';
   }
-  for (int i = 0; i < kCells; ++i) {
-    for (int k = 1; k <= kCells; ++k) {
-      const int a = i * (kCells + 1) + k, d = a + kCells + 1;
-      for (const int corner : {a, a + 1, d + 1, d}) grid += (corner == a ? "f " : " ") + std::to_string(corner);
+  for (std::size_t i = 0; i < kCells; ++i) {
+    for (std::size_t k = 1; k <= kCells; ++k) {
+      const std::size_t a = i * (kCells + 1) + k, d = a + kCells + 1;
+      for (const std::size_t corner : {a, a + 1, d + 1, d}) grid += (corner == a ? "f " : " ") + std::to_string(corner);
       grid += '\n';
     }
   }
   const MemoryFile file(grid);
   const auto mesh = rtbus::config::read_obj(file.path(), 1e-3);
-  EXPECT_EQ(mesh.triangles.size(), std::size_t{2 * kCells * kCells});
-  EXPECT_NEAR(mesh.extents_m().x(), 1e-3 * kCells, 1e-12);
+  EXPECT_EQ(mesh.triangles.size(), 2 * kCells * kCells);
+  EXPECT_NEAR(mesh.extents_m().x(), 1e-3 * static_cast<double>(kCells), 1e-12);
 }
 
 // What is beyond what a mesh may have is refused where it begins.
