@@ -22,9 +22,8 @@ namespace haptic {
 /// @realtime Everything but the constructor.
 class NearShapes {
  public:
-  /// Of one surface in one step. A smooth one has one, a crease two, a corner three.
-  static constexpr std::size_t kMinima = 8;
-  using Minima = std::array<rtbus::shapes::Surface::Minimum, kMinima>;
+  /// Of one surface in one step.
+  using Minima = std::array<rtbus::shapes::Surface::Minimum, rtbus::shapes::Surface::kMostMinima>;
   /// A proxy whose centre is this near to a surface has no normal of its own: its contact stays as it was.
   static constexpr double kSurface_m = 1e-6;
 

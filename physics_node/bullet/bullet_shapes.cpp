@@ -72,8 +72,9 @@ MadeShape make_mesh(const config::TriangleMesh& surface, double scale) {
   }
   out.shape = std::make_unique<btBvhTriangleMeshShape>(out.triangles.get(), true);
   out.shape->setMargin(static_cast<btScalar>(kSkin * kGoodExtent));
-  out.surface = std::make_unique<const shapes::Surface>(surface.vertices_m, surface.triangles);
-  out.scale = scale;
+  std::vector<Vector3d> vertices = surface.vertices_m;
+  for (Vector3d& vertex : vertices) vertex *= scale;
+  out.surface = std::make_unique<const shapes::Surface>(vertices, surface.triangles);
   return out;
 }
 

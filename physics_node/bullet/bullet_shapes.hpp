@@ -13,8 +13,7 @@ namespace physics::bullet {
 struct MadeShape {
   std::unique_ptr<btTriangleMesh> triangles;  ///< Of a mesh; must outlive the shape, so it stands before it.
   std::unique_ptr<btCollisionShape> shape;
-  std::unique_ptr<const rtbus::shapes::Surface> surface;  ///< Of a mesh [m]; it tells where a sphere is near.
-  double scale = 1.0;                                     ///< Bullet's units per metre.
+  std::unique_ptr<const rtbus::shapes::Surface> surface;  ///< Of a mesh, in Bullet's units: where a sphere is near it.
   /// p_BC: centre of mass in the body's frame [m]. Bullet's body frame has its origin there. Zero but for a hull.
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
 };

@@ -13,9 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Of one mesh, the nearest: a smooth one has one, a crease two, a corner three.
-constexpr std::size_t kMeshPoints = 8;
-
 /// Around a core: distance to its nearest point, less the margin.
 NearPoint around(const Vector3d& p, const Vector3d& core, double margin, const Vector3d& if_inside) {
   const Vector3d offset = p - core;
@@ -55,11 +52,11 @@ NearPoint nearest_cylinder(const btCylinderShape& cylinder, const Vector3d& p) {
 }
 
 /// Of a mesh, whose frame `p` is in: the same places that the loop finds by itself.
-void nearest_surface(const rtbus::shapes::Surface& surface, double scale, const Vector3d& p, double reach,
+void nearest_surface(const rtbus::shapes::Surface& surface, const Vector3d& p, double reach,
                      std::vector<NearPoint>& out) {
-  std::array<rtbus::shapes::Surface::Minimum, kMeshPoints> found;
-  const std::size_t count = surface.minima(p / scale, reach / scale, found);
-  for (std::size_t i = 0; i < count; ++i) out.push_back(around(p, scale * found[i].point_m, 0.0, Vector3d::UnitY()));
+  std::array<rtbus::shapes::Surface::Minimum, rtbus::shapes::Surface::kMostMinima> found;
+  const std::size_t count = surface.minima(p, reach, found);
+  for (std::size_t i = 0; i < count; ++i) out.push_back(around(p, found[i].point_m, 0.0, Vector3d::UnitY()));
 }
 
 void nearest_hull(const btConvexShape& hull, const btTransform& pose, const Vector3d& centre, double radius,
@@ -114,7 +111,7 @@ void nearest_points(const MadeShape& made, const btTransform& pose, const Vector
       in_body.push_back(nearest_cylinder(static_cast<const btCylinderShape&>(shape), p));
       break;
     case TRIANGLE_MESH_SHAPE_PROXYTYPE:
-      nearest_surface(*made.surface, made.scale, p, radius + max_gap, in_body);
+      nearest_surface(*made.surface, p, radius + max_gap, in_body);
       break;
     default:
       break;  // make_shape() makes no other

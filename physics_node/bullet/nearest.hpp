@@ -15,7 +15,7 @@ struct NearPoint {
 };
 
 /// Appends the points of `made`, placed at `pose`, that are at most `max_gap` from the sphere: one for a convex shape;
-/// for a mesh the places where its distance has a minimum (rtbus::shapes::Surface), the nearest eight at most.
+/// for a mesh the places where its distance has a minimum (rtbus::shapes::Surface), the nearest kMostMinima.
 ///
 /// The surface is the one that Bullet's contacts act on: edges of boxes and cylinders are rounded by their margin (a
 /// tenth of the smallest half extent), hulls stand out by their skin (meshes do not: Bullet solves sphere and triangle

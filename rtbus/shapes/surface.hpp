@@ -37,6 +37,9 @@ class Surface {
   /// @param vertices_m In the body's frame. @param triangles Indices into `vertices_m`, each in range.
   Surface(const std::vector<Eigen::Vector3d>& vertices_m, const std::vector<std::array<std::uint32_t, 3>>& triangles);
 
+  /// So many of one surface are enough: a smooth one has one near a ball, a crease two, a corner three.
+  static constexpr std::size_t kMostMinima = 8;
+
   /// A place where the distance is smaller than everywhere around it on the surface.
   struct Minimum {
     Eigen::Vector3d point_m = Eigen::Vector3d::Zero();  ///< On the surface, in the body's frame.

@@ -54,11 +54,9 @@ void expect_promises(const FaultRow& row, const FaultOutcome& out) {
   if (row.held) {
     EXPECT_LE(out.felt_until_ms, row.zero_ms + 2.0 * out.pause_ms + 5.0) << "while the fault lasts";
   }
-  if (row.feels == Feels::kNothing && out.pause_ms < kDeviceHolds_ms) {
+  const bool lets_go = row.feels == Feels::kNothing && out.pause_ms >= kDeviceHolds_ms;
+  if (row.feels == Feels::kNothing && !lets_go) {
     EXPECT_GE(out.lowest_n, 0.5 * out.before_n);
-  } else if (row.feels == Feels::kNothing) {
-    std::printf(
-        "NOT CHECKED: whether a force was felt throughout. The machine paused, and the device let go by itself\n");
   }
   EXPECT_LE(out.peak_n, out.limit_n);
   if (row.ends == Ends::kComesBack) {
@@ -81,6 +79,7 @@ void expect_promises(const FaultRow& row, const FaultOutcome& out) {
   EXPECT_GE(out.restarts, row.restarts_least);
   EXPECT_LE(out.restarts, row.restarts_most);
   EXPECT_THAT(out.left_over, testing::IsEmpty());
+  if (lets_go) GTEST_SKIP() << "the machine paused for " << out.pause_ms << " ms, and the device let go by itself";
 }
 
 FaultOutcome run_and_expect(const char* name) {

@@ -26,7 +26,7 @@ struct Row {
   double until_s;
   double aside_m, stiffness_n_per_m;  ///< Of a hard push; 0: the hand of the file.
   double felt_n;                      ///< The hand feels at least this, and answers change it.
-  int starts = 3;
+  int starts = 3;                     ///< An odd number.
 };
 
 void PrintTo(const Row& row, std::ostream* out) { *out << row.name; }

@@ -413,7 +413,9 @@ TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
 }
 
 TEST_P(DeviceConformance, ReadAndWriteDoNotAllocate) {
-  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, 1.0);
+  // A device that does not answer for 20 ms is lost. One thread or two may have waited for that.
+  constexpr double kLate_ms = 10.0;
+  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, kLate_ms);
   ASSERT_NO_FATAL_FAILURE(start());
   int bad = 0;
   allocations = 0;
