@@ -17,7 +17,8 @@ class UsbfsPort;
 
 /// When faults act.
 struct FaultTimes {
-  std::string trigger;  ///< From when this file exists, and times count from then; empty: from power-up.
+  /// Faults act while this file exists, and times count from its coming. It may come again. Empty: from power-up.
+  std::string trigger;
   double for_s = -1.0;  ///< After the trigger [s]; < 0: for ever. What was unplugged is not meant.
 };
 

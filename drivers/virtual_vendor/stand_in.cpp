@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <limits>
+
 #include "drivers/simulated/simulated_config.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/config/vector3.hpp"
@@ -39,7 +41,7 @@ UnitSettings default_unit(const DeviceInfo& info) {
   return out;
 }
 
-void read_unit(Map& map, UnitSettings& unit) {
+void read_unit(Map& map, UnitSettings& unit, bool frames) {
   unit.serial = map.text("serial", unit.serial);
   unit.call_us = map.number("call_us", {0.0, 20000.0}, unit.call_us);
   unit.in_use = map.boolean("in_use", unit.in_use);
@@ -68,6 +70,11 @@ void read_unit(Map& map, UnitSettings& unit) {
   if (auto faults = map.optional_map("faults")) {
     unit.unplug_at_s = faults->number("unplug_at_s", {-1.0, 1e6}, unit.unplug_at_s);
     unit.replug_after_s = faults->number("replug_after_s", {-1.0, 1e6}, unit.replug_after_s);
+    unit.late_reply = faults->number("late_reply", {0.0, 1.0}, unit.late_reply);
+    unit.late_ms = faults->number("late_ms", {0.0, 1000.0}, unit.late_ms);
+    unit.garbage = faults->number("garbage", {0.0, 1.0}, unit.garbage);
+    if (frames) unit.split_reply = faults->number("split_reply", {0.0, 1.0}, unit.split_reply);
+    unit.for_s = faults->number("for_s", {-1.0, 1e6}, unit.for_s);
     unit.trigger = faults->text("trigger", unit.trigger);
     faults->finish();
   }
@@ -86,6 +93,42 @@ double Unit::age_s(std::uint64_t now_ns) const noexcept {
   return now_ns > from_ns ? rtbus::seconds_between(from_ns, now_ns) : 0.0;
 }
 
+std::uint64_t Unit::draw(std::uint64_t below) noexcept {
+  // Constants: Knuth, MMIX; its upper bits are the random ones.
+  random_ = random_ * 6364136223846793005ULL + 1442695040888963407ULL;
+  return (random_ >> 33) % below;
+}
+
+bool Unit::happens(double share, std::uint64_t now_ns) noexcept {
+  const double t_s = age_s(now_ns);
+  if (share <= 0.0 || t_s < 0.0 || (settings_.for_s >= 0.0 && t_s >= settings_.for_s)) return false;
+  constexpr std::uint64_t kParts = 1'000'000;
+  return static_cast<double>(draw(kParts)) < share * static_cast<double>(kParts);
+}
+
+double Unit::late_us(std::uint64_t now_ns) noexcept {
+  return happens(settings_.late_reply, now_ns) ? 1e3 * settings_.late_ms : 0.0;
+}
+
+bool Unit::garbles(std::uint64_t now_ns) noexcept { return happens(settings_.garbage, now_ns); }
+
+bool Unit::splits(std::uint64_t now_ns) noexcept { return happens(settings_.split_reply, now_ns); }
+
+void Unit::spoil(double* position, std::uint64_t now_ns, double metre) noexcept {
+  if (!garbles(now_ns)) return;
+  double& one = position[spoilt_ % 3];
+  switch (spoilt_++ / 3 % 3) {
+    case 0:
+      one = std::numeric_limits<double>::quiet_NaN();
+      break;
+    case 1:
+      one = 1e30;
+      break;
+    default:
+      one += 0.4 * metre;
+  }
+}
+
 bool Unit::plugged_in(std::uint64_t now_ns) noexcept {
   const double t_s = age_s(now_ns);
   if (t_s < 0.0 || settings_.unplug_at_s < 0.0 || t_s < settings_.unplug_at_s) return true;
@@ -98,7 +141,11 @@ void Unit::advance_to(std::uint64_t now_ns) {
   running_ = true;
   mechanics_.advance_to(now_ns);
   mechanics_.expire_force(now_ns);
-  if (triggered_ns_ == 0 && !settings_.trigger.empty() && ::access(settings_.trigger.c_str(), F_OK) == 0) {
+  if (settings_.trigger.empty()) return;
+  const bool triggered = ::access(settings_.trigger.c_str(), F_OK) == 0;
+  if (!triggered) {
+    triggered_ns_ = missed_ns_ = 0;
+  } else if (triggered_ns_ == 0) {
     triggered_ns_ = now_ns;
   }
 }

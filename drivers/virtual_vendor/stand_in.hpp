@@ -27,7 +27,13 @@ struct UnitSettings {
   double replug_after_s = -1.0;  ///< < 0: never.
   bool in_use = false;           ///< Another process has it.
   bool one_session = false;      ///< One session at a time may have the unit of this serial, as with hardware.
-  std::string trigger;           ///< Times of faults count from when this file exists; empty: from the first force.
+  double late_reply = 0.0;       ///< Share of exchanges that take late_ms longer.
+  double late_ms = 15.0;         ///< [ms]
+  double garbage = 0.0;          ///< Share of samples that are wrong (Unit::spoil).
+  double split_reply = 0.0;      ///< Share of answers that come in two frames.
+  double for_s = -1.0;           ///< These three end so long after the trigger [s]; < 0: never.
+  /// Faults act while this file exists, and times count from its coming. It may come again. Empty: from the first force.
+  std::string trigger;
   bool publish_state = false;    ///< `<node>.plant_state` shows what the hand feels (witness.hpp).
   rtbus::Session session;        ///< For that topic, as `node`. Not of the file.
   std::string node;
@@ -55,7 +61,8 @@ template <class Settings>
 }
 
 /// Reads what all stand-ins have in common out of `virtual:`. finish() is the caller's. Throws rtbus::config::Error.
-void read_unit(rtbus::config::Map& map, UnitSettings& unit);
+/// `frames`: its answers come in frames, which faults can split.
+void read_unit(rtbus::config::Map& map, UnitSettings& unit, bool frames = false);
 
 /// The mechanics of a unit, in real time. One thread at a time.
 class Unit {
@@ -67,6 +74,16 @@ class Unit {
   [[nodiscard]] bool begun() const noexcept { return begin_ns_ != 0; }
   /// Seconds since begin(), or since the trigger; negative: that was not yet.
   [[nodiscard]] double age_s(std::uint64_t now_ns) const noexcept;
+  /// How much longer the exchange that begins now takes [us].
+  [[nodiscard]] double late_us(std::uint64_t now_ns) noexcept;
+  /// Whether the sample of this exchange is wrong.
+  [[nodiscard]] bool garbles(std::uint64_t now_ns) noexcept;
+  /// Whether the answer that goes out now comes in two frames.
+  [[nodiscard]] bool splits(std::uint64_t now_ns) noexcept;
+  /// A wrong sample: a coordinate in turn no number, 10³⁰, and 0.4 m away. In units of `metre`.
+  void spoil(double* position, std::uint64_t now_ns, double metre = 1.0) noexcept;
+  /// Below `below`, from the unit's own sequence.
+  [[nodiscard]] std::uint64_t draw(std::uint64_t below) noexcept;
   /// Asked in each exchange. It is plugged in again so long after the first answer that it is not.
   [[nodiscard]] bool plugged_in(std::uint64_t now_ns) noexcept;
   [[nodiscard]] simulated::Mechanics& mechanics() noexcept { return mechanics_; }
@@ -75,8 +92,11 @@ class Unit {
   void advance_to(std::uint64_t now_ns);
 
  private:
+  [[nodiscard]] bool happens(double share, std::uint64_t now_ns) noexcept;
+
   UnitSettings settings_;
   simulated::Mechanics mechanics_;
+  std::uint64_t random_ = 1, spoilt_ = 0;
   bool running_ = false;
   std::uint64_t begin_ns_ = 0;
   std::uint64_t triggered_ns_ = 0;

@@ -69,8 +69,11 @@ void Bench::run() {
 
 void Bench::follow_trigger(std::uint64_t now_ns) {
   if (settings_.times.trigger.empty()) return;
+  if (::access(settings_.times.trigger.c_str(), F_OK) != 0) {
+    if (triggered_ns_ != 0) make_well();
+    return;
+  }
   if (triggered_ns_ == 0) {
-    if (::access(settings_.times.trigger.c_str(), F_OK) != 0) return;
     triggered_ns_ = now_ns;
     port_.locked([this] { model_.play(settings_.faults); });
   }
@@ -88,6 +91,13 @@ void Bench::follow_trigger(std::uint64_t now_ns) {
     over_ = true;
     port_.locked([this] { model_.play(Faults{}); });
   }
+}
+
+void Bench::make_well() {
+  if (unplugged_ && !replugged_) port_.replug();
+  port_.locked([this] { model_.play(Faults{}); });
+  triggered_ns_ = 0;
+  over_ = unplugged_ = replugged_ = false;
 }
 
 }  // namespace drivers::virtual_usb

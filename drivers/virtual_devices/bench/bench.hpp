@@ -44,6 +44,7 @@ class Bench {
  private:
   void run();
   void follow_trigger(std::uint64_t now_ns);
+  void make_well();
 
   const BenchSettings settings_;
   const Model model_;

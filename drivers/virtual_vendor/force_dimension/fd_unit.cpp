@@ -92,9 +92,10 @@ void FdUnit::enable_force(bool on, std::uint64_t now_ns) {
 }
 
 double FdUnit::blocks_us(std::uint64_t now_ns) noexcept {
-  const bool hangs = settings_.block_at_s >= 0.0 && unit_.age_s(now_ns) > settings_.block_at_s && !has_blocked_;
-  has_blocked_ = has_blocked_ || hangs;
-  return settings_.unit.call_us + (hangs ? 1e6 * settings_.block_s : 0.0);
+  const double t_s = unit_.age_s(now_ns);
+  const bool hangs = settings_.block_at_s >= 0.0 && t_s > settings_.block_at_s && !has_blocked_;
+  has_blocked_ = t_s >= 0.0 && (has_blocked_ || hangs);
+  return settings_.unit.call_us + unit_.late_us(now_ns) + (hangs ? 1e6 * settings_.block_s : 0.0);
 }
 
 void FdUnit::auto_init(std::uint64_t now_ns) {

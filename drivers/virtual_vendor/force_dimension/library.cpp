@@ -221,9 +221,11 @@ int dhdGetPosition(double* x, double* y, double* z, char id) {
       unit.last_state_ns = now_ns;
       ++unit.states;
     }
-    *x = unit.last_position.x();
-    *y = unit.last_position.y();
-    *z = unit.last_position.z();
+    Eigen::Vector3d told = unit.last_position;
+    unit.unit().spoil(told.data(), now_ns);
+    *x = told.x();
+    *y = told.y();
+    *z = told.z();
     return too_soon ? 1 : 0;
   });
 }

@@ -63,6 +63,7 @@ struct Service::State {
     std::string incoming;
     std::string outgoing;  ///< Empty: nothing to send.
     std::size_t sent = 0;
+    bool halves = false;
     bool closes = false;
     bool ping_due = false;
     bool hears_events = false;
@@ -197,7 +198,7 @@ int write_out(Service::State& state, lws* socket) {
   }
   if (client.outgoing.empty()) return 0;
   const std::size_t all = client.outgoing.size();
-  const bool halves = state.settings.fragments && client.sent == 0 && all > 2;
+  const bool halves = client.halves && client.sent == 0 && all > 2;
   const std::size_t bytes = halves ? all / 2 : all - client.sent;
   std::string frame(LWS_PRE, '\0');
   frame.append(client.outgoing, client.sent, bytes);
@@ -225,20 +226,28 @@ void take(Service::State& state, lws* socket) {
   if (client.hears_events) return;  // read-only
   std::string reply = state.answer(socket, client.incoming);
   client.incoming.clear();
-  double t_s = 0.0;
+  double t_s = 0.0, late_us = 0.0;
+  bool halves = false;
   {
     const std::lock_guard lock(state.mutex);
     state.send_events(now_ns);
     t_s = state.unit.age_s(now_ns);
+    late_us = state.unit.late_us(now_ns);
+    halves = state.settings.fragments || state.unit.splits(now_ns);
+    if (state.unit.garbles(now_ns)) {
+      reply[state.unit.draw(reply.size())] ^= static_cast<char>(1u << state.unit.draw(8));
+    }
   }
   const Settings& set = state.settings;
   const bool speaks_again = set.mute_for_s >= 0.0 && t_s > set.mute_at_s + set.mute_for_s;
   if (set.mute_at_s >= 0.0 && t_s > set.mute_at_s && !speaks_again) return;
+  if (t_s < 0.0) state.closed_once = false;
   if (state.settings.close_at_s >= 0.0 && t_s >= state.settings.close_at_s && !state.closed_once) {
     state.closed_once = client.closes = true;
   }
-  block_for_us(state.settings.slow_reply_us);
+  block_for_us(state.settings.slow_reply_us + late_us);
   client.outgoing = std::move(reply);
+  client.halves = halves;
   lws_callback_on_writable(socket);
 }
 
@@ -348,7 +357,7 @@ Settings read(rtbus::config::Map& map, const DeviceInfo& info) {
   out.unit = default_unit(info);
   out.unit.serial = "049D";
   out.unit.call_us = 0.0;
-  read_unit(map, out.unit);
+  read_unit(map, out.unit, true);
   out.grip = map.text("grip", out.grip);
   out.understands = map.choice("understands", {"vector", "values", "neither"}, out.understands);
   out.format_3_0 = map.boolean("format_3_0", out.format_3_0);

@@ -67,7 +67,7 @@ void run_servo() {
   while (servo_runs.load()) {
     due_ns += rtbus::kNsPerMs;
     std::vector<Scheduled> todo;
-    double jitter_us = 0.0;
+    double jitter_us = 0.0, late_us = 0.0;
     bool late = false;
     {
       const std::lock_guard lock(mutex);
@@ -75,8 +75,10 @@ void run_servo() {
       const double share = static_cast<double>(random >> 33) / static_cast<double>(1ULL << 31);
       jitter_us = share * unit->settings().jitter_us;
       late = share < unit->settings().late_tick;
+      late_us = unit->unit().late_us(due_ns);
     }
     rtbus::sleep_until(due_ns + static_cast<std::uint64_t>(1e3 * jitter_us) + (late ? 3 * rtbus::kNsPerMs : 0));
+    drivers::virtual_vendor::block_for_us(late_us);
     due_ns = std::max(due_ns, monotonic_ns() - 2 * rtbus::kNsPerMs);
     {
       const std::lock_guard lock(mutex);
@@ -228,7 +230,8 @@ void hdGetDoublev(std::uint32_t what, double* out) {
       Eigen::Matrix4d t = Eigen::Matrix4d::Identity();
       t.topLeftCorner<3, 3>() = Eigen::AngleAxisd(u->settings().wrist_rad, Eigen::Vector3d::UnitY()).matrix();
       t.topRightCorner<3, 1>() = p;
-      std::memcpy(out, t.data(), sizeof(double) * 16);  // Eigen's order is the library's: by columns
+      u->unit().spoil(t.data() + 12, monotonic_ns(), 1e3);  // [mm]
+      std::memcpy(out, t.data(), sizeof(double) * 16);      // Eigen's order is the library's: by columns
       break;
     }
     case 0x2551:

@@ -1,5 +1,6 @@
 // Topics in /dev/shm that are deleted, cut, written over, or taken the permission from.
 #include <fcntl.h>
+#include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -15,6 +16,7 @@ namespace {
 
 constexpr double kMadeAnew_s = 5.0;
 constexpr double kWritten_s = 1.0;
+constexpr double kReaderEnd_s = 10.0;
 constexpr int kWritesPerLook = 200;
 
 std::string path_of(const std::string& session, const std::string& topic) {
@@ -94,8 +96,13 @@ void forbid_topics(FaultSession& cell) {
   for (const std::string& path : paths) {
     if (::chmod(path.c_str(), 0) != 0) cell.fail("chmod failed");
   }
+  // One who comes now: root reads them, others are told that they may not.
+  const pid_t reader = cell.start_tool({"echo", "haptic0.telemetry", "--session", cell.name()});
   cell.follow(FaultSession::kHold_s);
   for (const std::string& path : paths) (void)::chmod(path.c_str(), 0600);
+  if (reader == 0) return;
+  if (!cell.tool_end()) cell.signal(reader, SIGINT);
+  if (!cell.follow_until(kReaderEnd_s, [&] { return cell.tool_end().has_value(); })) cell.fail("a reader stayed");
 }
 
 }  // namespace

@@ -11,8 +11,8 @@ namespace tools {
 
 struct SoakOptions {
   std::string program;       ///< The `rtbus` program.
-  std::string session_file;  ///< config/wall_own_plant.yaml
-  double minutes = 1.0;      ///< Shared out among the methods.
+  std::string session_file;  ///< config/wall_own_plant.yaml; sessions of virtual devices are found beside it.
+  double minutes = 1.0;      ///< Shared out among the sessions.
   std::uint64_t seed = 1;    ///< Of the events and their times.
 };
 

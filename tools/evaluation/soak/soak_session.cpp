@@ -6,6 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -73,7 +76,7 @@ class Soak {
       take_stock();
       while (out_.problem.empty() && rtbus::monotonic_ns() < end_ns && !interrupted()) {
         follow(random_.between(0.3, 2.0));
-        const auto event = static_cast<SoakEvent>(random_.below(kSoakEvents));
+        const SoakEvent event = draw();
         ++out_.events[to_string(event)];
         happen(event);
         await_return(event);
@@ -87,12 +90,37 @@ class Soak {
   }
 
  private:
+  SoakEvent draw() {
+    // However short the session is.
+    if (out_.events.empty() && can_happen(SoakEvent::kDeviceFails)) return SoakEvent::kDeviceFails;
+    for (;;) {
+      const auto event = static_cast<SoakEvent>(random_.below(kSoakEvents));
+      if (can_happen(event)) return event;
+    }
+  }
+  /// A virtual device lives in the haptic node: it dies with it. Its sessions have a wall alone, and no physics
+  /// process.
+  [[nodiscard]] bool can_happen(SoakEvent event) const {
+    switch (event) {
+      case SoakEvent::kPhysicsKilled:
+      case SoakEvent::kPhysicsStopped:
+      case SoakEvent::kHapticKilled:
+      case SoakEvent::kPlantKilled:
+      case SoakEvent::kPlantStopped:
+        return setup_.trigger.empty();
+      case SoakEvent::kDeviceFails:
+        return !setup_.trigger.empty();
+      default:
+        return true;
+    }
+  }
+
   void look() {
     rtbus::Stamped<rtbus::PlantState> state;
     while (plant_->read_next(state) == rtbus::ReadStatus::kFresh) {
       force_n_ = norm(state.value.applied_force_n);
       out_.peak_n = std::max(out_.peak_n, force_n_);
-      if (force_n_ > setup_.force_limit_n * (1.0 + 1e-6)) ++out_.above_limit;
+      if (force_n_ > limit_n_ * (1.0 + 1e-6)) ++out_.above_limit;
       felt_ns_ = state.stamp_ns;
     }
     rtbus::Stamped<rtbus::LoopStats> stats;
@@ -165,7 +193,16 @@ class Soak {
     pid_ = supervisor_.running()[0].pid;
     const bool pressed = follow_until(kStart_s, [this] { return force_n_ > kPressed_n; });
     if (!pressed && out_.problem.empty()) out_.problem = "the hand never pressed on the wall";
-    return pressed;
+    rtbus::Subscription<rtbus::NodeInfo> told(session_, "haptic0.node_info");
+    rtbus::Stamped<rtbus::NodeInfo> info;
+    const bool known = pressed && follow_until(kHandOver_s, [&] {
+                         told.maintain();
+                         return told.read_latest(info) == rtbus::ReadStatus::kFresh && info.value.force_limit_n > 0.0;
+                       });
+    if (pressed && !known && out_.problem.empty()) out_.problem = "the node does not tell its largest force";
+    limit_n_ = info.value.force_limit_n;
+    if (out_.peak_n > limit_n_ * (1.0 + 1e-6)) ++out_.above_limit;
+    return known;
   }
 
   void signal_child(const char* program, int signal) const {
@@ -255,6 +292,13 @@ class Soak {
         return kill_tool({"echo", "haptic0.telemetry", "--session", setup_.name});
       case SoakEvent::kEstop:
         return estop_and_rearm();
+      case SoakEvent::kDeviceFails: {
+        std::ofstream(setup_.trigger).flush();
+        follow(random_.between(0.05, 1.2));
+        std::error_code ignored;
+        std::filesystem::remove(setup_.trigger, ignored);
+        return;
+      }
     }
   }
 
@@ -317,6 +361,7 @@ class Soak {
   Random random_;
   SoakOutcome out_;
   double force_n_ = 0.0;
+  double limit_n_ = std::numeric_limits<double>::infinity();  ///< The node tells it before the hand presses.
   std::uint64_t felt_ns_ = 0;
   rtbus::Stamped<rtbus::LoopStats> first_, last_;  ///< Of the present life of the loop.
   pid_t pid_ = 0;
@@ -337,8 +382,9 @@ class Soak {
 
 const char* to_string(SoakEvent event) noexcept {
   static constexpr const char* kNames[kSoakEvents] = {
-      "physics killed", "physics stopped", "haptic node killed", "haptic node stopped", "plant killed",
-      "plant stopped",  "topics deleted",  "observers",          "observer killed",     "E-stop"};
+      "physics killed",  "physics stopped", "haptic node killed", "haptic node stopped",
+      "plant killed",    "plant stopped",   "topics deleted",     "observers",
+      "observer killed", "E-stop",          "device fails"};
   return kNames[static_cast<std::size_t>(event)];
 }
 

@@ -23,18 +23,19 @@ enum class SoakEvent : std::uint8_t {
   kObservers,
   kObserverKilled,
   kEstop,
+  kDeviceFails,  ///< As its `faults` say.
 };
-inline constexpr int kSoakEvents = 10;
+inline constexpr int kSoakEvents = 11;
 [[nodiscard]] const char* to_string(SoakEvent event) noexcept;
 
 struct SoakSetup {
   std::string program;  ///< The `rtbus` program.
   std::string session_file;
   std::vector<std::string> assignments;
-  std::string name;  ///< Of the session; must be free.
+  std::string name;          ///< Of the session; must be free.
+  std::string trigger = {};  ///< The device fails while this file is there; empty: it has a plant of its own.
   double seconds = 60.0;
   std::uint64_t seed = 1;
-  double force_limit_n = 7.9;
 };
 
 struct SoakOutcome {
