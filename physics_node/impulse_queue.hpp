@@ -41,11 +41,14 @@ class ImpulseQueue {
     queued_s_ += told_.back().seconds;
   }
 
-  /// What the next step of `dt_s` seconds gives to the bodies, each at its time, is added to `out`.
-  /// @param most_s So much is held back at most.
-  void take(double dt_s, double most_s, std::vector<PendingImpulse>& out) {
+  /// So much of the hand's time the next step of `dt_s` seconds would take. @param most_s So much is held back at most.
+  [[nodiscard]] double due_s(double dt_s, double most_s) const noexcept {
     const double spare_s = std::max(0.0, queued_s_ - dt_s);
-    const double due_s = dt_s + std::max(spare_s * std::min(1.0, dt_s / kDrain_s), spare_s - most_s);
+    return dt_s + std::max(spare_s * std::min(1.0, dt_s / kDrain_s), spare_s - most_s);
+  }
+
+  /// What a step gives to the bodies that takes so much of the hand's time, each at its time, is added to `out`.
+  void take(double due_s, std::vector<PendingImpulse>& out) {
     double begin_s = 0.0;
     while (!told_.empty()) {
       Told& first = told_.front();

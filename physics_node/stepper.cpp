@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "physics_node/contact_message.hpp"
@@ -136,11 +137,39 @@ void Stepper::HandImpulses::take(const rtbus::DeviceState& device) noexcept {
 
 /// What the bodies receive in the next step. In one memory samples and steps are out of step by a part of a step at
 /// most, or a tick.
-void Stepper::gather_impulses(Link& link, double dt_s) {
+void Stepper::gather_impulses(double dt_s) {
   constexpr double kMostOverNetwork_s = 0.25, kMostOfStep = 0.25, kMostTick_s = 1e-3;
-  link.due.clear();
-  link.queue.take(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : kMostOfStep * dt_s + kMostTick_s,
-                  link.due);
+  constexpr std::uint64_t kLongestWait_ns = 3 * rtbus::kNsPerMs;
+  const double most_s = kMostOfStep * dt_s + kMostTick_s;
+  const auto due_s = [&](const Link& link) {
+    return link.queue.due_s(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : most_s);
+  };
+  const auto gives_here = [](const Link& link) {
+    return link.owns_proxy && link.enabled && !link.silent && !link.config.wire.over_network();
+  };
+  const auto until_ns = [&](const Link& link) {
+    return received_until_ns(link) + rtbus::ns_of(std::min(due_s(link), link.queue.queued_s()));
+  };
+  // Hands that press a body between them give it equally long pushes: where the last sample of one is not there, the
+  // other one's waits for it, but not for a hand that has ended. A body of a gram gains 0.5 m/s by 0.5 N within 1 ms.
+  std::uint64_t newest_ns = 0, common_ns = std::numeric_limits<std::uint64_t>::max();
+  for (const Link& link : links_) {
+    if (gives_here(link)) newest_ns = std::max(newest_ns, until_ns(link));
+  }
+  for (const Link& link : links_) {
+    if (gives_here(link) && until_ns(link) + kLongestWait_ns >= newest_ns)
+      common_ns = std::min(common_ns, until_ns(link));
+  }
+  for (Link& link : links_) {
+    link.due.clear();
+    double takes_s = due_s(link);
+    if (gives_here(link)) {
+      const std::uint64_t from_ns = received_until_ns(link);
+      const double common_s = common_ns > from_ns ? rtbus::seconds_between(from_ns, common_ns) : 0.0;
+      takes_s = std::clamp(common_s, std::min(takes_s, std::max(0.0, link.queue.queued_s() - most_s)), takes_s);
+    }
+    link.queue.take(takes_s, link.due);
+  }
 }
 
 /// Applies the part of the impulses of the step that belongs to the interval [from, to] of a step of `dt_s` seconds
@@ -247,8 +276,8 @@ void Stepper::step(double dt_s, int substeps) {
     link.coupling_force_n.setZero();
     link.contact_force_n.setZero();
     link.contacts = 0;
-    gather_impulses(link, dt_s);
   }
+  gather_impulses(dt_s);
   const auto end_of = [dt_s](const Link& link) -> Vector3d {
     if (!link.enabled || link.owns_proxy || link.config.lead_steps == 0.0) return link.target.position_m;
     return link.target.position_m + link.config.lead_steps * dt_s * link.target.velocity_m_s;

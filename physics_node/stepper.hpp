@@ -146,7 +146,7 @@ class Stepper {
   };
   static void follow_drift(Link& link, const rtbus::DeviceState& device);
   static void queue_hand_impulses(Link& link, const rtbus::DeviceState& device);
-  void gather_impulses(Link& link, double dt_s);
+  void gather_impulses(double dt_s);
   /// Time of the hand until which bodies have received what it did.
   [[nodiscard]] double pays_back_s(const Link& link) const;
   [[nodiscard]] static std::uint64_t received_until_ns(const Link& link) noexcept;

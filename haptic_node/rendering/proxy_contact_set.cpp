@@ -339,12 +339,16 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     row.impulse_n_s = contact.impulse_n_s;
     row_source_[count++] = i;
   }
-  // Surfaces that face each other with the proxy between do not both come nearer: they would squeeze it.
+  // Surfaces that face each other with the proxy between do not both come nearer: they would squeeze it. Nor does one
+  // come out of the proxy that pushes it against a body that forces move, nor that body: it would be thrown away.
+  const auto moves = [&](std::size_t row) { return bodies[of_row(row).body].as<FreeBody>() != nullptr; };
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t j = i + 1; j < count; ++j) {
-      const bool between = rows[i].closing_m_s < 0.0 && rows[j].closing_m_s < 0.0 &&
-                           rows[i].normal.dot(rows[j].normal) < -tuning_.same_contact_cosine;
-      if (between) rows[i].closing_m_s = rows[j].closing_m_s = 0.0;
+      const bool throws = moves(i) || moves(j);
+      if (rows[i].normal.dot(rows[j].normal) >= (throws ? 0.0 : -tuning_.same_contact_cosine)) continue;
+      const bool both = rows[i].closing_m_s < 0.0 && rows[j].closing_m_s < 0.0;
+      if (both || (throws && of_row(j).felt())) rows[i].closing_m_s = std::max(0.0, rows[i].closing_m_s);
+      if (both || (throws && of_row(i).felt())) rows[j].closing_m_s = std::max(0.0, rows[j].closing_m_s);
     }
   }
   return count;

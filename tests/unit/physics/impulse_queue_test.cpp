@@ -33,7 +33,7 @@ TEST(ImpulseQueue, GivesEachAtItsTime) {
   queue.tell(ImpulseQueue::Rows{}, 0.002);
   queue.tell(pushed(0.001, 5), 0.001);
   std::vector<PendingImpulse> given;
-  queue.take(kStep_s, kMost_s, given);
+  queue.take(queue.due_s(kStep_s, kMost_s), given);
   ASSERT_EQ(given.size(), 2u);
   EXPECT_EQ(given[0].body, 3u);
   EXPECT_DOUBLE_EQ(given[0].from, 0.0);
@@ -44,7 +44,7 @@ TEST(ImpulseQueue, GivesEachAtItsTime) {
   EXPECT_DOUBLE_EQ(given[1].impulse_n_s.y(), -kPush_n * 0.001);
   EXPECT_EQ(queue.queued_s(), 0.0);
   given.clear();
-  queue.take(kStep_s, kMost_s, given);
+  queue.take(queue.due_s(kStep_s, kMost_s), given);
   EXPECT_TRUE(given.empty());
 }
 
@@ -53,7 +53,7 @@ TEST(ImpulseQueue, GivesEvenlyWhatHasNoTime) {
   ImpulseQueue queue;
   queue.tell(pushed(0.001), 0.0);
   std::vector<PendingImpulse> given;
-  queue.take(kStep_s, kMost_s, given);
+  queue.take(queue.due_s(kStep_s, kMost_s), given);
   ASSERT_EQ(given.size(), 1u);
   EXPECT_DOUBLE_EQ(given[0].from, 0.0);
   EXPECT_DOUBLE_EQ(given[0].to, 1.0);
@@ -66,7 +66,7 @@ TEST(ImpulseQueue, GivesEvenlyWhatComesInBunches) {
   for (int step = 0; step < 200; ++step) {
     if (step % 2 == 1) queue.tell(pushed(2.0 * kStep_s), 2.0 * kStep_s);
     std::vector<PendingImpulse> given;
-    queue.take(kStep_s, kMost_s, given);
+    queue.take(queue.due_s(kStep_s, kMost_s), given);
     if (step < 20) continue;
     least_n = std::min(least_n, force_n(given));
     most_n = std::max(most_n, force_n(given));
@@ -84,7 +84,7 @@ TEST(ImpulseQueue, GivesAllAndSaysUntilWhenItHas) {
     if (seconds > 0.0) queue.tell(pushed(seconds), seconds);
     told_s += seconds;
     std::vector<PendingImpulse> given;
-    queue.take(kStep_s, kMost_s, given);
+    queue.take(queue.due_s(kStep_s, kMost_s), given);
     for (const PendingImpulse& each : given) {
       sum += each.impulse_n_s;
       turned += each.angular_n_m_s;
@@ -103,7 +103,7 @@ TEST(ImpulseQueue, GoesOnAfterAnOutageWithoutABlow) {
   for (int step = 0; step < 2'000; ++step) {
     if (step > 0) queue.tell(pushed(kStep_s), kStep_s);
     std::vector<PendingImpulse> given;
-    queue.take(kStep_s, kMost_s, given);
+    queue.take(queue.due_s(kStep_s, kMost_s), given);
     most_n = std::max(most_n, force_n(given));
   }
   EXPECT_LE(most_n, 1.06 * kPush_n);
@@ -114,7 +114,7 @@ TEST(ImpulseQueue, HoldsBackNoMoreThanAQuarterOfASecond) {
   ImpulseQueue queue;
   queue.tell(pushed(2.0), 2.0);
   std::vector<PendingImpulse> given;
-  queue.take(kStep_s, kMost_s, given);
+  queue.take(queue.due_s(kStep_s, kMost_s), given);
   EXPECT_NEAR(queue.queued_s(), 0.25, 1e-9);
 }
 
@@ -123,12 +123,12 @@ TEST(ImpulseQueue, KeepsBodiesApart) {
   queue.tell(pushed(0.5 * kStep_s, 3), 0.5 * kStep_s);
   queue.tell(pushed(0.5 * kStep_s, 4), 0.5 * kStep_s);
   std::vector<PendingImpulse> given;
-  queue.take(kStep_s, kMost_s, given);
+  queue.take(queue.due_s(kStep_s, kMost_s), given);
   ASSERT_EQ(given.size(), 2u);
   EXPECT_NEAR(force_n(given, 3), 0.5 * kPush_n, 1e-12);
   EXPECT_NEAR(force_n(given, 4), 0.5 * kPush_n, 1e-12);
   given.clear();
-  queue.take(kStep_s, kMost_s, given);
+  queue.take(queue.due_s(kStep_s, kMost_s), given);
   EXPECT_TRUE(given.empty());
 }
 

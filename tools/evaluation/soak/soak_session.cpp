@@ -78,6 +78,7 @@ class Soak {
         follow(random_.between(0.3, 2.0));
         const SoakEvent event = draw();
         ++out_.events[to_string(event)];
+        absorbed_before_j_ = last_.value.energy_absorbed_j;
         happen(event);
         await_return(event);
         if (event == SoakEvent::kTopicsDeleted) await_hand_over();
@@ -126,10 +127,13 @@ class Soak {
     rtbus::Stamped<rtbus::LoopStats> stats;
     if (stats_->read_latest(stats) == rtbus::ReadStatus::kFresh) {
       // Another life of the loop counts from zero: the one before is over.
-      if (stats.value.ticks_due < last_.value.ticks_due) bank();
+      if (stats.value.ticks_due < last_.value.ticks_due) {
+        bank();
+        absorbed_before_j_ = 0.0;
+      }
       if (last_.stamp_ns == 0) first_ = stats;
       last_ = stats;
-      out_.least_absorbed_j = std::min(out_.least_absorbed_j, last_.value.energy_absorbed_j);
+      out_.least_absorbed_j = std::min(out_.least_absorbed_j, last_.value.energy_absorbed_j - absorbed_before_j_);
     }
     if (observers_) observers_->look();
     (void)order_topic_->read_latest(orders_);
@@ -361,6 +365,7 @@ class Soak {
   Random random_;
   SoakOutcome out_;
   double force_n_ = 0.0;
+  double absorbed_before_j_ = 0.0;                            ///< When the last event began.
   double limit_n_ = std::numeric_limits<double>::infinity();  ///< The node tells it before the hand presses.
   std::uint64_t felt_ns_ = 0;
   rtbus::Stamped<rtbus::LoopStats> first_, last_;  ///< Of the present life of the loop.

@@ -1,0 +1,105 @@
+/// Two hands that press one body between them: what a step gives it of each.
+#include <array>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "physics_node/stepper.hpp"
+#include "rtbus/clock.hpp"
+
+namespace {
+
+using Eigen::Vector3d;
+using physics::Stepper;
+
+constexpr double kLong_s = 0.010, kHand_n = 0.5;
+constexpr std::uint64_t kMs = rtbus::kNsPerMs;
+
+/// One body. Adds up what each hand gave it in the last step.
+class PushedWorld final : public physics::World {
+ public:
+  explicit PushedWorld(std::array<double, 2>& given_n_s) : given_n_s_(given_n_s) {}
+  std::size_t add_proxy(const physics::ProxyParameters&) override { return proxies_++; }
+  void reset_proxy(std::size_t, const Vector3d&) override {}
+  void release_proxy(std::size_t) override {}
+  void place_proxy(std::size_t, const Vector3d&, const Vector3d&) override {}
+  void apply_hand_force(std::size_t proxy, std::size_t, const Vector3d& force_n, const Vector3d&) override {
+    push_n_[proxy] += force_n.x();
+  }
+  void set_proxy_target(std::size_t, const physics::ProxyTarget&) override {}
+  void step(double step_s) override {
+    for (std::size_t i = 0; i < push_n_.size(); ++i) given_n_s_[i] = push_n_[i] * step_s;
+    push_n_ = {};
+  }
+  [[nodiscard]] physics::ProxyReadout proxy(std::size_t) const override { return {}; }
+  void contacts(std::size_t, double, physics::ContactSet&) const override {}
+  [[nodiscard]] std::size_t bodies() const noexcept override { return 1; }
+  [[nodiscard]] physics::BodyPose body_pose(std::size_t) const override { return {}; }
+  [[nodiscard]] std::size_t awake_bodies() const noexcept override { return 1; }
+  [[nodiscard]] std::size_t solved_contacts() const noexcept override { return 0; }
+  [[nodiscard]] std::vector<std::string> warnings(double) const override { return {}; }
+
+ private:
+  std::array<double, 2>& given_n_s_;
+  std::array<double, 2> push_n_{};
+  std::size_t proxies_ = 0;
+};
+
+class TwoHandsAtOneBody : public testing::Test {
+ protected:
+  static std::vector<physics::ProxyConfig> hands() {
+    std::vector<physics::ProxyConfig> out(2);
+    out[0].device = "left";
+    out[1].device = "right";
+    return out;
+  }
+  /// A hand that has pushed for so long, told in its sample of then.
+  static rtbus::DeviceState pushed_until(std::size_t hand, std::uint64_t time_ms) {
+    rtbus::DeviceState out;
+    out.enabled = 1;
+    out.wants = rtbus::kOwnsProxy;
+    out.sample_time_ns = 1000 * kMs + time_ms * kMs;
+    out.hand_impulse_generation[0] = 1;
+    out.hand_impulse_n_s[0] = {(hand == 0 ? kHand_n : -kHand_n) * 1e-3 * static_cast<double>(time_ms), 0, 0};
+    return out;
+  }
+  void step(std::uint64_t left_ms, std::uint64_t right_ms) {
+    ++sequence_;
+    stepper_.set_device(0, pushed_until(0, left_ms), sequence_);
+    stepper_.set_device(1, pushed_until(1, right_ms), sequence_);
+    stepper_.step(kLong_s);
+  }
+
+  std::array<double, 2> given_n_s_{};
+  Stepper stepper_{std::make_unique<PushedWorld>(given_n_s_), hands(), 1};
+  std::uint64_t sequence_ = 0;
+};
+
+TEST_F(TwoHandsAtOneBody, PushItEquallyLongWhenTheLastSampleOfOneIsLost) {
+  step(0, 0);
+  step(10, 10);
+  EXPECT_NEAR(given_n_s_[0], 10e-3 * kHand_n, 1e-9);
+  EXPECT_NEAR(given_n_s_[1], -10e-3 * kHand_n, 1e-9);
+  step(20, 19);
+  EXPECT_NEAR(given_n_s_[0], 9e-3 * kHand_n, 1e-6);
+  EXPECT_NEAR(given_n_s_[0] + given_n_s_[1], 0.0, 1e-6);
+  double left_n_s = 0.0;
+  for (int i = 3; i < 10; ++i) {
+    step(10 * i, 10 * i);
+    EXPECT_NEAR(given_n_s_[0] + given_n_s_[1], 0.0, 1e-6) << i;
+    left_n_s += given_n_s_[0];
+  }
+  EXPECT_NEAR(left_n_s, 70e-3 * kHand_n, 1e-3 * kHand_n) << "what waited is given later, but for a tick at most";
+}
+
+TEST_F(TwoHandsAtOneBody, DoNotWaitForOneThatHasEnded) {
+  step(0, 0);
+  step(10, 10);
+  step(20, 10);
+  EXPECT_NEAR(given_n_s_[0], 10e-3 * kHand_n, 1e-6);
+  EXPECT_EQ(given_n_s_[1], 0.0);
+}
+
+}  // namespace
