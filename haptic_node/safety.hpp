@@ -163,9 +163,11 @@ class SafetyLadder {
   bool fading_ = false;
   double fade_from_n_ = 0.0;  ///< Norm of the ungated force when the fade began.
   bool overspeed_ = false;
-  bool ran_away_ = false;                             ///< The present ramp follows an overspeed cut.
-  bool filling_ = false;                              ///< A stretched spring that a ramp has found is not yet full.
-  bool paused_ = false;                               ///< The loop was held up, and no hand has rested since.
+  bool ran_away_ = false;        ///< The present ramp follows an overspeed cut.
+  bool filling_ = false;         ///< A stretched spring that a ramp has found is not yet full.
+  bool paused_ = false;          ///< The loop was held up, and no hand has rested since.
+  std::uint64_t slewed_ns_ = 0;  ///< Time of the sample that the slew limit saw last.
+  bool catches_up_ = false;      ///< A sample came late: the force grows slowly until it is where it should be.
   Eigen::Vector3d rest_m_ = Eigen::Vector3d::Zero();  ///< Where the hand rests, if it does …
   double rested_s_ = 0.0;                             ///< … and for how long.
   double slow_s_ = 0.0;                               ///< How long the tip has been slow since the cut.

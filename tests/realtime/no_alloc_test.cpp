@@ -85,6 +85,35 @@ struct SessionCase {
   std::vector<std::string> unchanged;  ///< Methods that would show nothing new in it.
 };
 
+#if RTBUS_WITH_BULLET
+std::string shown_mesh(const char* name) { return std::string(RTBUS_SOURCE_DIR) + "/config/scenes/meshes/" + name; }
+
+/// A tip that goes down onto a hill of 64 triangles.
+std::vector<std::string> on_a_mesh() {
+  return {
+      "scene={schema: scene/1, gravity_m_s2: [0, -9.81, 0], bodies: [{name: hill, type: static, friction: 0.5, "
+      "shape: {mesh: {file: " +
+          shown_mesh("hill.obj") + "}}}]}",
+      "haptic.0.mapping={offset_m: [0, 0, 0]}",
+      "haptic.0.device.hand={type: push, start_m: [0, 0.03, 0], direction: [0.2, -1, 0.1], distance_m: 0.02, "
+      "speed_m_s: 0.05, start_s: 0.1}"};
+}
+
+/// A tip that pushes a free hull of six corners along the floor.
+std::vector<std::string> at_a_hull() {
+  return {
+      "scene={schema: scene/1, gravity_m_s2: [0, -9.81, 0], bodies: [{name: floor, type: static, friction: 0.5, "
+      "shape: {plane: {}}}, {name: gem, type: dynamic, mass_kg: 0.1, friction: 0.5, shape: {convex_hull: {file: " +
+          shown_mesh("wedge.obj") + ", metres_per_unit: 0.001}}}]}",
+      "haptic.0.mapping={offset_m: [0.015, 0.008, 0]}",
+      "haptic.0.device.hand={type: push, start_m: [0, 0, 0.03], direction: [0, 0, -1], distance_m: 0.03, "
+      "speed_m_s: 0.05, start_s: 0.1}"};
+}
+
+/// Methods that do not look at a shape in the loop beyond what the other sessions show.
+std::vector<std::string> shapeless() { return {"virtual_coupling", "interpolation", "interpolation_predicted"}; }
+#endif
+
 std::vector<SessionCase> sessions() {
   std::vector<SessionCase> out{
       {"wall", "wall.yaml", 10'000, true, {}, {}, {}},
@@ -103,7 +132,9 @@ std::vector<SessionCase> sessions() {
   for (SessionCase each : {SessionCase{"free_block", "free_block.yaml", 2000, false, push, {}, {}},
                            SessionCase{"stack_125", "stack_125.yaml", 1500, false, push, {}, {}},
                            SessionCase{"soft", "soft.yaml", 2500, false, {}, {}, {}},
-                           SessionCase{"two_hands", "two_hands.yaml", 2500, false, {}, {}, {}}}) {
+                           SessionCase{"two_hands", "two_hands.yaml", 2500, false, {}, {}, {}},
+                           SessionCase{"mesh", "free_block.yaml", 1500, true, on_a_mesh(), {"direct"}, shapeless()},
+                           SessionCase{"hull", "free_block.yaml", 1500, false, at_a_hull(), {}, shapeless()}}) {
     out.push_back(each);
     // Results that cover many ticks and come late take other ways through a method; without physics there are none.
     each.name += "_physics_50_hz";

@@ -35,6 +35,7 @@ void evaluate_local_contact(const LocalContactOptions& options, Experiment& expe
   claim_wall(options, experiment);
   if (!interrupted()) claim_shapes(options, experiment);
   if (!interrupted()) claim_free_bodies(options, experiment);
+  if (!interrupted()) claim_friction(options, experiment);
   if (!interrupted()) claim_yields(options, experiment);
   if (!interrupted()) claim_two_hands(options, experiment);
   if (!interrupted()) claim_block(options, experiment, progress);

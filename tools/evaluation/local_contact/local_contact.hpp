@@ -46,6 +46,8 @@ void claim_free_bodies(const LocalContactOptions& options, Experiment& experimen
 /// i: two hands at one body feel each other.
 void claim_two_hands(const LocalContactOptions& options, Experiment& experiment);
 
+/// l: what friction holds stands under a hand.
+void claim_friction(const LocalContactOptions& options, Experiment& experiment);
 /// k: what yields, soft bodies and very light ones, bears the hand as it does in physics.
 void claim_yields(const LocalContactOptions& options, Experiment& experiment);
 

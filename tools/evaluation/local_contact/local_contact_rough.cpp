@@ -165,6 +165,8 @@ void claim_third_law(const LocalContactOptions& options, Experiment& experiment)
   for (const Case& each :
        {Case{"free block", "free_block.yaml", kRemoteCoupling, block, 18, 4.5, "lc rgb '#1f5fa8'"},
         Case{"soft body", "soft.yaml", kRemoteCoupling, {}, 18, options.quick ? 3.5 : 7.0, "lc rgb '#1f5fa8' dt 3"},
+        Case{"free block", "free_block.yaml", kLeadingCoupling, block, 18, 4.5, "lc rgb '#8db4e2'"},
+        Case{"soft body", "soft.yaml", kLeadingCoupling, {}, 18, options.quick ? 3.5 : 7.0, "lc rgb '#8db4e2' dt 3"},
         Case{"free block", "free_block.yaml", kLocalContact, block, 100, 4.5, "lc rgb '#7fc79a'"},
         Case{"free block", "free_block.yaml", kLocalContact, block, 18, 4.5, "lc rgb '#1b7a35'"},
         Case{"soft body", "soft.yaml", kLocalContact, {}, 18, options.quick ? 3.5 : 7.0, "lc rgb '#1b7a35' dt 3"}}) {
@@ -172,7 +174,7 @@ void claim_third_law(const LocalContactOptions& options, Experiment& experiment)
     char text[120];
     std::snprintf(text, sizeof text, "physics.throttle_hz=%g", each.physics_hz);
     settings.emplace_back(text);
-    settings.push_back(std::string("haptic.0.method=") + each.method);
+    for (const std::string& one : method_settings(each.method)) settings.push_back(one);
     settings.insert(settings.end(), options.assignments.begin(), options.assignments.end());
     std::vector<rtbus::config::Override> overrides;
     for (const std::string& one : settings) overrides.push_back(rtbus::config::parse_override(one));

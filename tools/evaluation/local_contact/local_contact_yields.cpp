@@ -108,7 +108,7 @@ Panel press_beads(const LocalContactOptions& options, Table& table, Experiment& 
   };
   for (const double physics_hz : {100.0, 43.0, 18.0}) {
     if (interrupted() || (options.quick && physics_hz == 43.0)) continue;
-    for (const char* const method : {kRemoteCoupling, kLocalContact}) {
+    for (const char* const method : {kRemoteCoupling, kLeadingCoupling, kLocalContact}) {
       const HandRun felt = press(method, physics_hz);
       const double calm_n = vibration_n(felt, kBeadsRest_s);
       table.rows.push_back(
