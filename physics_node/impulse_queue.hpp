@@ -47,13 +47,14 @@ class ImpulseQueue {
     return dt_s + std::max(spare_s * std::min(1.0, dt_s / kDrain_s), spare_s - most_s);
   }
 
-  /// What a step gives to the bodies that takes so much of the hand's time, each at its time, is added to `out`.
-  void take(double due_s, std::vector<PendingImpulse>& out) {
+  /// What a step gives to the bodies for which so much of the hand's time is due, each at its time, is added to `out`.
+  /// @param most_s No more of it is taken; the end of the step gets nothing then.
+  void take(double due_s, double most_s, std::vector<PendingImpulse>& out) {
     double begin_s = 0.0;
     while (!told_.empty()) {
       Told& first = told_.front();
       const double left_s = first.share * first.seconds;
-      const double share = begin_s + left_s > due_s ? (due_s - begin_s) / first.seconds : first.share;
+      const double share = begin_s + left_s > most_s ? (most_s - begin_s) / first.seconds : first.share;
       const double end_s = begin_s + share * first.seconds;
       if (share > 0.0) add(first.rows, share, begin_s / due_s, end_s / due_s, out);
       first.share -= share;

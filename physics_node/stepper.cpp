@@ -140,9 +140,9 @@ void Stepper::HandImpulses::take(const rtbus::DeviceState& device) noexcept {
 void Stepper::gather_impulses(double dt_s) {
   constexpr double kMostOverNetwork_s = 0.25, kMostOfStep = 0.25, kMostTick_s = 1e-3;
   constexpr std::uint64_t kLongestWait_ns = 3 * rtbus::kNsPerMs;
-  const double most_s = kMostOfStep * dt_s + kMostTick_s;
+  const double held_s = kMostOfStep * dt_s + kMostTick_s;
   const auto due_s = [&](const Link& link) {
-    return link.queue.due_s(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : most_s);
+    return link.queue.due_s(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : held_s);
   };
   const auto gives_here = [](const Link& link) {
     return link.owns_proxy && link.enabled && !link.silent && !link.config.wire.over_network();
@@ -162,13 +162,14 @@ void Stepper::gather_impulses(double dt_s) {
   }
   for (Link& link : links_) {
     link.due.clear();
-    double takes_s = due_s(link);
-    if (gives_here(link)) {
+    const double due = due_s(link);
+    double most_s = due;
+    if (gives_here(link) && common_ns < until_ns(link)) {
       const std::uint64_t from_ns = received_until_ns(link);
       const double common_s = common_ns > from_ns ? rtbus::seconds_between(from_ns, common_ns) : 0.0;
-      takes_s = std::clamp(common_s, std::min(takes_s, std::max(0.0, link.queue.queued_s() - most_s)), takes_s);
+      most_s = std::clamp(common_s, std::min(due, std::max(0.0, link.queue.queued_s() - held_s)), due);
     }
-    link.queue.take(takes_s, link.due);
+    link.queue.take(due, most_s, link.due);
   }
 }
 

@@ -263,8 +263,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     return;
   }
   contacts_.blend(bodies_, h);
-  pull_proxy(spring, h);
-  if (solve(h) > 0) give_impulses();
+  if (solve(spring, h) > 0) give_impulses();
   ease(spring, h);
   if (yielding_.felt()) {
     calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
@@ -298,9 +297,21 @@ void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 }
 
-/// @returns rows.
-std::size_t LocalWorld::solve(double h) noexcept {
-  const std::size_t rows = gather(h);
+/// A second time where the proxy comes around an edge within the step. @returns rows.
+std::size_t LocalWorld::solve(const LocalSpring& spring, double h) noexcept {
+  pull_proxy(spring, h);
+  const Vector3d free_way_m = h * solver_bodies_[0].velocity_m_s;
+  const std::size_t rows = solve_once(h, false);
+  if (rows == 0) return 0;
+  const Vector3d way_m = h * solver_bodies_[0].velocity_m_s;
+  const std::span<const SolverContact> contacts(rows_.data(), solved_contacts_);
+  if (!contacts_.bend(bodies_, proxy_, way_m, free_way_m, contacts, h, shapes_)) return rows;
+  pull_proxy(spring, h);
+  return solve_once(h, true);
+}
+
+std::size_t LocalWorld::solve_once(double h, bool again) noexcept {
+  const std::size_t rows = gather(h, again);
   if (rows == 0) return 0;
   const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows), tuning_.fewest_sweeps(),
                                 tuning_.most_sweeps());
@@ -314,9 +325,8 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
   if (lag_of(spring, h) <= 0.0) return;
   contacts_.keep();
   contacts_.blend(bodies_, h);
-  pull_proxy(spring, h);
   Vector3d sum_n_s = Vector3d::Zero();
-  if (solve(h) > 0) {
+  if (solve(spring, h) > 0) {
     for (std::size_t i = 0; i < solved_contacts_; ++i) sum_n_s += rows_[i].impulse_n_s;
     sum_n_s += yielding_.impulse_n_s(rows_.data());
   }
@@ -359,10 +369,10 @@ void LocalWorld::brake(double h) noexcept {
 
 /// The rows of one step: contacts that the proxy may reach, then the supports of the bodies that take part, then what
 /// yields.
-std::size_t LocalWorld::gather(double h) noexcept {
+std::size_t LocalWorld::gather(double h, bool again) noexcept {
   std::array<bool, kBodies> touched{};
   const Vector3d& free_m_s = solver_bodies_[0].velocity_m_s;
-  solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, h, shapes_, rows_.data(), touched);
+  solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, h, shapes_, rows_.data(), touched, again);
   std::size_t rows = solved_contacts_;
   int next = 1;
   light_kg_ = 0.0;

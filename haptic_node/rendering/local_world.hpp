@@ -103,9 +103,10 @@ class LocalWorld {
   void pull_proxy(const LocalSpring& spring, double h) noexcept;
   void begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept;
   void brake(double h) noexcept;
-  [[nodiscard]] std::size_t solve(double h) noexcept;
+  [[nodiscard]] std::size_t solve(const LocalSpring& spring, double h) noexcept;
+  std::size_t solve_once(double h, bool again) noexcept;
   void ease(const LocalSpring& spring, double h) noexcept;
-  std::size_t gather(double h) noexcept;
+  std::size_t gather(double h, bool again) noexcept;
   void give_impulses() noexcept;
   void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
             const Eigen::Vector3d& from_centre_m) noexcept;

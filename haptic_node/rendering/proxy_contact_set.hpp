@@ -84,10 +84,18 @@ class ProxyContactSet {
   /// Surfaces go on to where physics has them, in a step of `h`.
   void blend(Bodies bodies, double h) noexcept RTBUS_NONBLOCKING;
 
-  /// The rows of contacts that the proxy may reach in a step of `h` if it goes at `free_m_s`. @returns how many, at
-  /// most kSolved; touched bodies are marked.
+  /// The rows of contacts that the proxy may reach in a step of `h` if it goes at `free_m_s`. @param again Where they
+  /// were found last. @returns how many, at most kSolved; touched bodies are marked.
   std::size_t gather(Bodies bodies, const LocalProxy& proxy, const Eigen::Vector3d& free_m_s, double h,
-                     NearShapes& shapes, SolverContact* rows, std::span<bool> touched) noexcept RTBUS_NONBLOCKING;
+                     NearShapes& shapes, SolverContact* rows, std::span<bool> touched,
+                     bool again = false) noexcept RTBUS_NONBLOCKING;
+
+  /// Around an edge a plane leads astray. After a first solution of the step the strongest contact gets the plane that
+  /// it has at the end of it. @param way_m Of the proxy in that solution. @param free_way_m Without contacts.
+  /// @returns whether that is another one: then the step is to be solved again.
+  [[nodiscard]] bool bend(Bodies bodies, const LocalProxy& proxy, const Eigen::Vector3d& way_m,
+                          const Eigen::Vector3d& free_way_m, std::span<const SolverContact> rows, double h,
+                          NearShapes& shapes) noexcept RTBUS_NONBLOCKING;
   /// How fast the surface goes by the motion of its body. What fades goes away with it, and no way else.
   [[nodiscard]] static Eigen::Vector3d carried_m_s(const Contact& contact,
                                                    const BodyMotion& motion) noexcept RTBUS_NONBLOCKING;

@@ -224,16 +224,15 @@ Way around_twelve_edges(const rtbus::shapes::KnownShape& cube, int ticks) {
   return out;
 }
 
-// Without damping and friction nothing is lost but what the normal lags by, a tick: in proportion to the speed.
+// Without damping and friction nothing is lost or won: the plane of a contact is the one at the end of the step. With
+// that at its beginning the normal lagged by a tick, and up to 4 % were lost.
 TEST_P(KnownShape, GivesNoEnergyOnAWayAroundAllTwelveEdges) {
   const Way fast = around_twelve_edges(cube_of(GetParam()), 400), slow = around_twelve_edges(cube_of(GetParam()), 1600);
   for (const Way& each : {fast, slow}) {
     EXPECT_GT(each.least_n, 0.1) << "touches all the way";
     EXPECT_LE(each.apart_m, 1e-6);
-    EXPECT_GE(each.put_in_j, 0.0);
+    EXPECT_LE(std::abs(each.put_in_j), 1e-9 * each.exchanged_j);
   }
-  EXPECT_LE(slow.put_in_j, 0.04 * slow.exchanged_j);
-  EXPECT_LE(slow.put_in_j, 0.3 * fast.put_in_j);
 }
 
 // A hull of 200 points, and the same as its triangles.

@@ -21,6 +21,12 @@ ImpulseQueue::Rows pushed(double seconds, std::size_t body = 3) {
   return rows;
 }
 
+/// What a step takes that waits for nobody.
+void take_all(ImpulseQueue& queue, std::vector<PendingImpulse>& out) {
+  const double due_s = queue.due_s(kStep_s, kMost_s);
+  queue.take(due_s, due_s, out);
+}
+
 double force_n(const std::vector<PendingImpulse>& given, std::size_t body = 3) {
   double out = 0.0;
   for (const PendingImpulse& each : given) out -= each.body == body ? each.impulse_n_s.y() / kStep_s : 0.0;
@@ -33,7 +39,7 @@ TEST(ImpulseQueue, GivesEachAtItsTime) {
   queue.tell(ImpulseQueue::Rows{}, 0.002);
   queue.tell(pushed(0.001, 5), 0.001);
   std::vector<PendingImpulse> given;
-  queue.take(queue.due_s(kStep_s, kMost_s), given);
+  take_all(queue, given);
   ASSERT_EQ(given.size(), 2u);
   EXPECT_EQ(given[0].body, 3u);
   EXPECT_DOUBLE_EQ(given[0].from, 0.0);
@@ -44,8 +50,20 @@ TEST(ImpulseQueue, GivesEachAtItsTime) {
   EXPECT_DOUBLE_EQ(given[1].impulse_n_s.y(), -kPush_n * 0.001);
   EXPECT_EQ(queue.queued_s(), 0.0);
   given.clear();
-  queue.take(queue.due_s(kStep_s, kMost_s), given);
+  take_all(queue, given);
   EXPECT_TRUE(given.empty());
+}
+
+// A hand that waits for another one gives what both have told, at its time; the rest waits for the next step.
+TEST(ImpulseQueue, TakesNoMoreThanItMay) {
+  ImpulseQueue queue;
+  queue.tell(pushed(0.004), 0.004);
+  std::vector<PendingImpulse> given;
+  queue.take(queue.due_s(kStep_s, kMost_s), 0.003, given);
+  ASSERT_EQ(given.size(), 1u);
+  EXPECT_DOUBLE_EQ(given[0].to, 0.75);
+  EXPECT_DOUBLE_EQ(given[0].impulse_n_s.y(), -kPush_n * 0.003);
+  EXPECT_DOUBLE_EQ(queue.queued_s(), 0.001);
 }
 
 // What took no time falls into the whole step.
@@ -53,7 +71,7 @@ TEST(ImpulseQueue, GivesEvenlyWhatHasNoTime) {
   ImpulseQueue queue;
   queue.tell(pushed(0.001), 0.0);
   std::vector<PendingImpulse> given;
-  queue.take(queue.due_s(kStep_s, kMost_s), given);
+  take_all(queue, given);
   ASSERT_EQ(given.size(), 1u);
   EXPECT_DOUBLE_EQ(given[0].from, 0.0);
   EXPECT_DOUBLE_EQ(given[0].to, 1.0);
@@ -66,7 +84,7 @@ TEST(ImpulseQueue, GivesEvenlyWhatComesInBunches) {
   for (int step = 0; step < 200; ++step) {
     if (step % 2 == 1) queue.tell(pushed(2.0 * kStep_s), 2.0 * kStep_s);
     std::vector<PendingImpulse> given;
-    queue.take(queue.due_s(kStep_s, kMost_s), given);
+    take_all(queue, given);
     if (step < 20) continue;
     least_n = std::min(least_n, force_n(given));
     most_n = std::max(most_n, force_n(given));
@@ -84,7 +102,7 @@ TEST(ImpulseQueue, GivesAllAndSaysUntilWhenItHas) {
     if (seconds > 0.0) queue.tell(pushed(seconds), seconds);
     told_s += seconds;
     std::vector<PendingImpulse> given;
-    queue.take(queue.due_s(kStep_s, kMost_s), given);
+    take_all(queue, given);
     for (const PendingImpulse& each : given) {
       sum += each.impulse_n_s;
       turned += each.angular_n_m_s;
@@ -103,7 +121,7 @@ TEST(ImpulseQueue, GoesOnAfterAnOutageWithoutABlow) {
   for (int step = 0; step < 2'000; ++step) {
     if (step > 0) queue.tell(pushed(kStep_s), kStep_s);
     std::vector<PendingImpulse> given;
-    queue.take(queue.due_s(kStep_s, kMost_s), given);
+    take_all(queue, given);
     most_n = std::max(most_n, force_n(given));
   }
   EXPECT_LE(most_n, 1.06 * kPush_n);
@@ -114,7 +132,7 @@ TEST(ImpulseQueue, HoldsBackNoMoreThanAQuarterOfASecond) {
   ImpulseQueue queue;
   queue.tell(pushed(2.0), 2.0);
   std::vector<PendingImpulse> given;
-  queue.take(queue.due_s(kStep_s, kMost_s), given);
+  take_all(queue, given);
   EXPECT_NEAR(queue.queued_s(), 0.25, 1e-9);
 }
 
@@ -123,12 +141,12 @@ TEST(ImpulseQueue, KeepsBodiesApart) {
   queue.tell(pushed(0.5 * kStep_s, 3), 0.5 * kStep_s);
   queue.tell(pushed(0.5 * kStep_s, 4), 0.5 * kStep_s);
   std::vector<PendingImpulse> given;
-  queue.take(queue.due_s(kStep_s, kMost_s), given);
+  take_all(queue, given);
   ASSERT_EQ(given.size(), 2u);
   EXPECT_NEAR(force_n(given, 3), 0.5 * kPush_n, 1e-12);
   EXPECT_NEAR(force_n(given, 4), 0.5 * kPush_n, 1e-12);
   given.clear();
-  queue.take(queue.due_s(kStep_s, kMost_s), given);
+  take_all(queue, given);
   EXPECT_TRUE(given.empty());
 }
 

@@ -103,6 +103,37 @@ PrecisionScene block_scene(const WorkPrecisionOptions& options) {
   return out;
 }
 
+PrecisionScene ridge_scene(const WorkPrecisionOptions& options) {
+  PrecisionScene out =
+      scene("ridge", options.block_file, push("[-0.02, 0.0232, 0.002]", "[1, 0, 0]", 0.04, 0.03, kBegin_s),
+            gains(kWallStiffness, kWallDamping), options);
+  append(out.assignments,
+         {"scene={schema: scene/1, bodies: [{name: ridge, type: static, shape: {box: {size_m: [0.03, 0.03, 0.06]}}, "
+          "orientation_wxyz: [0.9238795, 0, 0, 0.3826834], friction: 0.3}]}",
+          "haptic.0.proxy.radius_m=0.004", "haptic.0.proxy.friction=0", "haptic.0.mapping.offset_m=[0, 0, 0]"});
+  out.from_s = kBegin_s;
+  out.until_s = 2.2;
+  out.at_rest = false;
+  return out;
+}
+
+PrecisionScene ball_scene(const WorkPrecisionOptions& options) {
+  PrecisionScene out = scene("ball", options.block_file, push("[0, 0, 0]", "[1, 0, 0]", 0.03, 0.03, kBegin_s),
+                             gains(kSoftStiffness, kWallDamping), options);
+  append(
+      out.assignments,
+      {"scene={schema: scene/1, gravity_m_s2: [0, -9.81, 0], bodies: [{name: floor, type: static, shape: {plane: {}}, "
+       "friction: 0.5}, {name: ball, type: dynamic, mass_kg: 0.05, shape: {sphere: {radius_m: 0.012}}, "
+       "position_m: [0.045, 0.012, 0], friction: 0.7}]}",
+       "haptic.0.proxy.radius_m=0.005", "haptic.0.mapping.offset_m=[0.035, 0.0275, 0]"});
+  out.axis = 1;
+  out.from_s = kBegin_s;
+  out.until_s = 2.0;
+  out.at_rest = false;
+  out.iterations = {1, 4, 40};
+  return out;
+}
+
 PrecisionScene own_scene(const WorkPrecisionOptions& options) {
   PrecisionScene out;
   out.name = std::filesystem::path(options.own_file).stem();

@@ -27,7 +27,7 @@ struct PrecisionRow {
 };
 
 /// Scenes whose reference is known: `wall` and `drop` in closed form, `sphere` and `block` as the converged loop,
-/// `soft` as the finest loop. Adds tables, figures and checks. Throws rtbus::config::Error.
+/// `ridge`, `ball` and `soft` as the finest loop. Adds tables, figures and checks. Throws rtbus::config::Error.
 void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& experiment);
 
 /// The scenes, with their gains and hands.
@@ -35,6 +35,10 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
 [[nodiscard]] PrecisionScene drop_scene(const WorkPrecisionOptions& options);
 [[nodiscard]] PrecisionScene sphere_scene(const WorkPrecisionOptions& options);
 [[nodiscard]] PrecisionScene block_scene(const WorkPrecisionOptions& options);
+/// A tip strokes over the ridge of a box that stands on its edge.
+[[nodiscard]] PrecisionScene ridge_scene(const WorkPrecisionOptions& options);
+/// A tip strokes the top of a free ball, which rolls.
+[[nodiscard]] PrecisionScene ball_scene(const WorkPrecisionOptions& options);
 [[nodiscard]] PrecisionScene soft_scene(const WorkPrecisionOptions& options);
 
 /// The user's session as it stands, along the axis on which its hand feels most. Throws rtbus::config::Error.
@@ -46,7 +50,8 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
 
 /// The loop without latency and nearly without sampling: what `sphere` and `block` are measured against. A proxy of one
 /// gram: the limit of all methods, whose proxies weigh what they weigh.
-[[nodiscard]] PrecisionTrace nearly_continuous(const PrecisionScene& scene, double rate_hz);
+[[nodiscard]] PrecisionTrace nearly_continuous(const PrecisionScene& scene, double rate_hz,
+                                               const char* method = "remote_virtual_coupling");
 
 /// Writes NAME.tsv of a scene's rows and draws error over cost with the Pareto front into the experiment's folder.
 /// @param what Of the title, after the scene.
