@@ -14,6 +14,9 @@
 #include <cstdlib>
 #include <string>
 
+// Its intrinsics declare posix_memalign once more, which clang takes only before the definition below.
+#include <Eigen/Core>
+
 #if !defined(RTBUS_SANITIZED)
 extern "C" {
 void* __libc_malloc(std::size_t bytes);

@@ -86,7 +86,7 @@ TEST_F(TwoHandsAtOneBody, PushItEquallyLongWhenTheLastSampleOfOneIsLost) {
   EXPECT_NEAR(given_n_s_[0], 9e-3 * kHand_n, 1e-6);
   EXPECT_NEAR(given_n_s_[0] + given_n_s_[1], 0.0, 1e-6);
   double left_n_s = 0.0;
-  for (int i = 3; i < 10; ++i) {
+  for (std::uint64_t i = 3; i < 10; ++i) {
     step(10 * i, 10 * i);
     EXPECT_NEAR(given_n_s_[0] + given_n_s_[1], 0.0, 1e-6) << i;
     left_n_s += given_n_s_[0];
