@@ -32,10 +32,11 @@ struct UnitSettings {
   double garbage = 0.0;          ///< Share of samples that are wrong (Unit::spoil).
   double split_reply = 0.0;      ///< Share of answers that come in two frames.
   double for_s = -1.0;           ///< These three end so long after the trigger [s]; < 0: never.
-  /// Faults act while this file exists, and times count from its coming. It may come again. Empty: from the first force.
+  /// Faults act while this file exists, and times count from its coming. It may come again. Empty: from the first
+  /// force.
   std::string trigger;
-  bool publish_state = false;    ///< `<node>.plant_state` shows what the hand feels (witness.hpp).
-  rtbus::Session session;        ///< For that topic, as `node`. Not of the file.
+  bool publish_state = false;  ///< `<node>.plant_state` shows what the hand feels (witness.hpp).
+  rtbus::Session session;      ///< For that topic, as `node`. Not of the file.
   std::string node;
 };
 
