@@ -77,8 +77,8 @@ Eigen::Vector3d SafetyLadder::limit_slew(const Eigen::Vector3d& force_n, const S
                                          std::uint32_t& acted) noexcept {
   const double slow = config_.slew_n_per_ms * 1e3 * input.dt_s;
   // Of the samples, not of the cycles: those that find no new one write what the device takes with its next.
-  const double gap_s =
-      slewed_ns_ == 0 ? 0.0 : 1e-9 * (static_cast<double>(input.sample_time_ns) - static_cast<double>(slewed_ns_));
+  const bool later = slewed_ns_ != 0 && input.sample_time_ns > slewed_ns_;
+  const double gap_s = later ? rtbus::seconds_between(slewed_ns_, input.sample_time_ns) : 0.0;
   const bool fresh = input.sample_time_ns != slewed_ns_;
   catches_up_ = catches_up_ || gap_s > std::max(kLate_s, kPausePeriods * input.dt_s);
   slewed_ns_ = input.sample_time_ns;

@@ -110,6 +110,12 @@ bool driver_present(const DriverEntry& entry) {
   return module && find_usb_driver(**module, entry.name) != nullptr;
 }
 
+bool driver_present(std::string_view name) {
+  const auto drivers = registered_drivers();
+  return std::any_of(drivers.begin(), drivers.end(),
+                     [name](const DriverEntry& entry) { return entry.name == name && driver_present(entry); });
+}
+
 std::vector<std::vector<Finding> (*)(bool)> vendor_looks() {
   std::vector<std::vector<Finding> (*)(bool)> out;
   for (const ModuleFile& maker : kMakerModules) {

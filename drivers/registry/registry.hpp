@@ -26,6 +26,8 @@ struct DriverEntry {
 
 /// False when the driver lives in a module that was not built or is not installed beside this program.
 [[nodiscard]] bool driver_present(const DriverEntry& entry);
+/// The same of a name; false for one that is not registered.
+[[nodiscard]] bool driver_present(std::string_view name);
 
 /// DriverModule::look of each maker's module that was built.
 [[nodiscard]] std::vector<std::vector<Finding> (*)(bool load)> vendor_looks();

@@ -93,12 +93,6 @@ double Unit::age_s(std::uint64_t now_ns) const noexcept {
   return now_ns > from_ns ? rtbus::seconds_between(from_ns, now_ns) : 0.0;
 }
 
-std::uint64_t Unit::draw(std::uint64_t below) noexcept {
-  // Constants: Knuth, MMIX; its upper bits are the random ones.
-  random_ = random_ * 6364136223846793005ULL + 1442695040888963407ULL;
-  return (random_ >> 33) % below;
-}
-
 bool Unit::happens(double share, std::uint64_t now_ns) noexcept {
   const double t_s = age_s(now_ns);
   if (share <= 0.0 || t_s < 0.0 || (settings_.for_s >= 0.0 && t_s >= settings_.for_s)) return false;

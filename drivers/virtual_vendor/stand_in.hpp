@@ -6,6 +6,7 @@
 /// A stand-in for a vendor's library is a shared library of ours with the vendor's symbols. One more symbol, `plug`,
 /// hands it the unit that it is to show. It was written from public descriptions; nothing of a vendor is in it.
 #include <cstdint>
+#include <random>
 #include <string>
 
 #include "drivers/device.hpp"
@@ -29,8 +30,8 @@ struct UnitSettings {
   bool one_session = false;      ///< One session at a time may have the unit of this serial, as with hardware.
   double late_reply = 0.0;       ///< Share of exchanges that take late_ms longer.
   double late_ms = 15.0;         ///< [ms]
-  double garbage = 0.0;          ///< Share of samples that are wrong (Unit::spoil).
-  double split_reply = 0.0;      ///< Share of answers that come in two frames.
+  double garbage = 0.0;          ///< Share of samples that are wrong, 0…1 (Unit::spoil).
+  double split_reply = 0.0;      ///< Share of answers that come in two frames, 0…1.
   double for_s = -1.0;           ///< These three end so long after the trigger [s]; < 0: never.
   /// Faults act while this file exists, and times count from its coming. It may come again. Empty: from the first
   /// force.
@@ -84,7 +85,7 @@ class Unit {
   /// A wrong sample: a coordinate in turn no number, 10³⁰, and 0.4 m away. In units of `metre`.
   void spoil(double* position, std::uint64_t now_ns, double metre = 1.0) noexcept;
   /// Below `below`, from the unit's own sequence.
-  [[nodiscard]] std::uint64_t draw(std::uint64_t below) noexcept;
+  [[nodiscard]] std::uint64_t draw(std::uint64_t below) noexcept { return random_() % below; }
   /// Asked in each exchange. It is plugged in again so long after the first answer that it is not.
   [[nodiscard]] bool plugged_in(std::uint64_t now_ns) noexcept;
   [[nodiscard]] simulated::Mechanics& mechanics() noexcept { return mechanics_; }
@@ -97,7 +98,8 @@ class Unit {
 
   UnitSettings settings_;
   simulated::Mechanics mechanics_;
-  std::uint64_t random_ = 1, spoilt_ = 0;
+  std::mt19937_64 random_{1};
+  std::uint64_t spoilt_ = 0;  ///< Samples so far.
   bool running_ = false;
   std::uint64_t begin_ns_ = 0;
   std::uint64_t triggered_ns_ = 0;

@@ -367,6 +367,7 @@ bool ProxyContactSet::bend(Bodies bodies, const LocalProxy& proxy, const Vector3
   }
   contact.normal = turned;
   contact.from_centre_m = point_m - bodies[contact.body].motion.centre_m;
+  bent_ = row_source_[strongest];
   return true;
 }
 
@@ -396,7 +397,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     row.from_b_m = contact.from_centre_m;
     row.surface_velocity_m_s = surface;
     // Before an edge the proxy is behind the plane of what comes after it, by less than it slides.
-    const double behind_m_s = again ? free_m_s.norm() : 0.0;
+    const double behind_m_s = again && i == bent_ ? free_m_s.norm() : 0.0;
     row.closing_m_s = std::max(contact.gap_m / h, -tuning_.recovery_m_s - behind_m_s);
     row.friction = contact.friction;
     row.impulse_n_s = contact.impulse_n_s;

@@ -88,7 +88,7 @@ class ProxyContactSet {
   /// were found last. @returns how many, at most kSolved; touched bodies are marked.
   std::size_t gather(Bodies bodies, const LocalProxy& proxy, const Eigen::Vector3d& free_m_s, double h,
                      NearShapes& shapes, SolverContact* rows, std::span<bool> touched,
-                     bool again = false) noexcept RTBUS_NONBLOCKING;
+                     bool again) noexcept RTBUS_NONBLOCKING;
 
   /// Around an edge a plane leads astray. After a first solution of the step the strongest contact gets the plane that
   /// it has at the end of it. @param way_m Of the proxy in that solution. @param free_way_m Without contacts.
@@ -136,6 +136,7 @@ class ProxyContactSet {
   std::array<Contact, kContacts> kept_{};
   std::size_t kept_count_ = 0;
   std::array<std::size_t, kSolved> row_source_{};
+  std::size_t bent_ = kContacts;  ///< By bend(), for the solution that comes.
 };
 
 }  // namespace haptic

@@ -11,6 +11,7 @@
 
 #include "rtbus/eigen.hpp"
 #include "tools/evaluation/network/network.hpp"
+#include "tools/harness/forwarding_world.hpp"
 #include "tools/harness/harness.hpp"
 
 namespace {
@@ -31,48 +32,31 @@ struct Channel {
 /// Admittance form (J.-H. Ryu, J. Artigas, C. Preusche, Mechatronics 20(7), 2010): the far spring's target moves less
 /// where the channel would give more than the hand has supplied, W_r = E_in,h(t − T) − E_out,r + E_diss < 0. What it
 /// was held back by is given back while W_r > 0.
-class FarEnd final : public physics::World {
+class FarEnd final : public tools::ForwardingWorld {
  public:
-  FarEnd(std::unique_ptr<physics::World> world, Channel& channel) : world_(std::move(world)), channel_(channel) {}
+  FarEnd(std::unique_ptr<physics::World> world, Channel& channel)
+      : ForwardingWorld(std::move(world)), channel_(channel) {}
 
-  std::size_t add_proxy(const physics::ProxyParameters& parameters) override { return world_->add_proxy(parameters); }
   void reset_proxy(std::size_t proxy, const Vector3d& position_m) override {
-    world_->reset_proxy(proxy, position_m);
+    ForwardingWorld::reset_proxy(proxy, position_m);
     held_back_m_.setZero();
     primed_ = false;
-  }
-  void release_proxy(std::size_t proxy) override { world_->release_proxy(proxy); }
-  void place_proxy(std::size_t proxy, const Vector3d& position_m, const Vector3d& velocity_m_s) override {
-    world_->place_proxy(proxy, position_m, velocity_m_s);
-  }
-  void apply_hand_force(std::size_t proxy, std::size_t body, const Vector3d& force_n,
-                        const Vector3d& torque_n_m) override {
-    world_->apply_hand_force(proxy, body, force_n, torque_n_m);
   }
   void set_proxy_target(std::size_t proxy, const physics::ProxyTarget& target) override {
     wanted_m_ = target.position_m;
     physics::ProxyTarget held = target;
     held.position_m += held_back_m_;
-    world_->set_proxy_target(proxy, held);
+    ForwardingWorld::set_proxy_target(proxy, held);
   }
   void step(double step_s) override {
-    world_->step(step_s);
+    ForwardingWorld::step(step_s);
     now_s_ += step_s;
-    const Vector3d force_n = world_->proxy(0).coupling_force_n;
+    const Vector3d force_n = proxy(0).coupling_force_n;
     if (primed_) control(force_n, step_s);
     channel_.farthest_m = std::max(channel_.farthest_m, held_back_m_.norm());
     target_m_ = wanted_m_ + held_back_m_;
     primed_ = true;
   }
-  [[nodiscard]] physics::ProxyReadout proxy(std::size_t proxy) const override { return world_->proxy(proxy); }
-  void contacts(std::size_t proxy, double radius_m, physics::ContactSet& out) const override {
-    world_->contacts(proxy, radius_m, out);
-  }
-  [[nodiscard]] std::size_t bodies() const noexcept override { return world_->bodies(); }
-  [[nodiscard]] physics::BodyPose body_pose(std::size_t body) const override { return world_->body_pose(body); }
-  [[nodiscard]] std::size_t awake_bodies() const noexcept override { return world_->awake_bodies(); }
-  [[nodiscard]] std::size_t solved_contacts() const noexcept override { return world_->solved_contacts(); }
-  [[nodiscard]] std::vector<std::string> warnings(double step_s) const override { return world_->warnings(step_s); }
 
  private:
   static constexpr double kReturn_m_s = 0.05;
@@ -97,7 +81,6 @@ class FarEnd final : public physics::World {
     dissipated_j_ -= way_m.dot(force_n);
   }
 
-  std::unique_ptr<physics::World> world_;
   Channel& channel_;
   bool primed_ = false;
   double now_s_ = 0.0, given_j_ = 0.0, dissipated_j_ = 0.0;

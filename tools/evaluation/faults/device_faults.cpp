@@ -275,13 +275,6 @@ const std::vector<DeviceFault>& all() {
   return rows;
 }
 
-bool built(const DeviceFault& fault) {
-  const auto drivers = drivers::registered_drivers();
-  return std::any_of(drivers.begin(), drivers.end(), [&](const drivers::DriverEntry& driver) {
-    return driver.name == fault.driver && driver_present(driver);
-  });
-}
-
 FaultRow row_of(const DeviceFault& fault) {
   FaultRow row;
   row.name = fault.name;
@@ -320,7 +313,7 @@ FaultRow row_of(const DeviceFault& fault) {
 std::vector<FaultRow> device_faults() {
   std::vector<FaultRow> out;
   for (const DeviceFault& fault : all()) {
-    if (built(fault)) out.push_back(row_of(fault));
+    if (drivers::driver_present(fault.driver)) out.push_back(row_of(fault));
   }
   return out;
 }

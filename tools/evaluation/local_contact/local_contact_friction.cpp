@@ -7,6 +7,7 @@
 #include "tools/cli/common/interrupt.hpp"
 #include "tools/evaluation/local_contact/local_contact.hpp"
 #include "tools/evaluation/shared/method_settings.hpp"
+#include "tools/harness/forwarding_world.hpp"
 #include "tools/harness/harness.hpp"
 
 namespace tools {
@@ -40,37 +41,18 @@ std::string hand_that_goes(double goes_m) {
 }
 
 /// Its block is pushed at the centre by a steady force: what the engine by itself lets it creep.
-class SteadilyPushed final : public physics::World {
+class SteadilyPushed final : public ForwardingWorld {
  public:
   SteadilyPushed(std::unique_ptr<physics::World> world, Vector3d force_n)
-      : world_(std::move(world)), force_n_(std::move(force_n)) {}
+      : ForwardingWorld(std::move(world)), force_n_(std::move(force_n)) {}
 
-  std::size_t add_proxy(const physics::ProxyParameters& parameters) override { return world_->add_proxy(parameters); }
-  void reset_proxy(std::size_t proxy, const Vector3d& position_m) override { world_->reset_proxy(proxy, position_m); }
-  void release_proxy(std::size_t proxy) override { world_->release_proxy(proxy); }
-  void place_proxy(std::size_t proxy, const Vector3d& position_m, const Vector3d& velocity_m_s) override {
-    world_->place_proxy(proxy, position_m, velocity_m_s);
-  }
   void apply_hand_force(std::size_t, std::size_t, const Vector3d&, const Vector3d&) override {}
-  void set_proxy_target(std::size_t proxy, const physics::ProxyTarget& target) override {
-    world_->set_proxy_target(proxy, target);
-  }
   void step(double step_s) override {
-    world_->apply_hand_force(0, kBlock, force_n_, Vector3d::Zero());
-    world_->step(step_s);
+    world().apply_hand_force(0, kBlock, force_n_, Vector3d::Zero());
+    ForwardingWorld::step(step_s);
   }
-  [[nodiscard]] physics::ProxyReadout proxy(std::size_t proxy) const override { return world_->proxy(proxy); }
-  void contacts(std::size_t proxy, double radius_m, physics::ContactSet& out) const override {
-    world_->contacts(proxy, radius_m, out);
-  }
-  [[nodiscard]] std::size_t bodies() const noexcept override { return world_->bodies(); }
-  [[nodiscard]] physics::BodyPose body_pose(std::size_t body) const override { return world_->body_pose(body); }
-  [[nodiscard]] std::size_t awake_bodies() const noexcept override { return world_->awake_bodies(); }
-  [[nodiscard]] std::size_t solved_contacts() const noexcept override { return world_->solved_contacts(); }
-  [[nodiscard]] std::vector<std::string> warnings(double step_s) const override { return world_->warnings(step_s); }
 
  private:
-  std::unique_ptr<physics::World> world_;
   Vector3d force_n_;
 };
 

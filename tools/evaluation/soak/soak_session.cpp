@@ -133,7 +133,9 @@ class Soak {
       }
       if (last_.stamp_ns == 0) first_ = stats;
       last_ = stats;
-      out_.least_absorbed_j = std::min(out_.least_absorbed_j, last_.value.energy_absorbed_j - absorbed_before_j_);
+      const double absorbed_j = last_.value.energy_absorbed_j;
+      out_.least_absorbed_j = std::min(out_.least_absorbed_j, absorbed_j);
+      out_.least_since_event_j = std::min(out_.least_since_event_j, absorbed_j - absorbed_before_j_);
     }
     if (observers_) observers_->look();
     (void)order_topic_->read_latest(orders_);

@@ -47,10 +47,11 @@ struct SoakOutcome {
   double peak_n = 0.0;
   std::uint64_t above_limit = 0;                   ///< Samples.
   std::uint64_t ticks = 0, due = 0, overruns = 0;  ///< Of all lives of the haptic loop, as last told by each.
-  double ticks_not_told = 0.0;    ///< In a life: periods that passed, against ticks served and overruns. The worst.
-  double least_absorbed_j = 0.0;  ///< By the hand since an event began, the least; negative: it got some.
-  int segments_more = 0;          ///< At quiet moments, than at the first.
-  int left_over = 0;              ///< Segments after the end.
+  double ticks_not_told = 0.0;       ///< In a life: periods that passed, against ticks served and overruns. The worst.
+  double least_absorbed_j = 0.0;     ///< Least energy that the hand had put in so far; negative: it got some.
+  double least_since_event_j = 0.0;  ///< The same since an event began.
+  int segments_more = 0;             ///< At quiet moments, than at the first.
+  int left_over = 0;                 ///< Segments after the end.
   int exit_status = -1;
 };
 

@@ -278,8 +278,7 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
     const PrecisionTrace finest = finest_of(scene, experiment, orders, "local_contact");
     experiment.note(
         "ridge: Bullet rounds the edges of its boxes by its margin, 1.3 mm; the reference is local_contact, which "
-        "knows "
-        "the box, and which Edge.OfABoxIsFeltAsItsOffsetCurve holds against the closed form");
+        "knows the box, and which Edge.OfABoxIsFeltAsItsOffsetCurve holds against the closed form");
     compare(scene, reference_of(finest), options, experiment, progress);
   }
   if (!interrupted()) {
