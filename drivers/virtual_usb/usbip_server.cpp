@@ -108,6 +108,7 @@ void UsbipServer::run(const std::function<bool()>& stopping) {
   while (!stopping()) {
     const std::uint64_t next_ns = play(rtbus::monotonic_ns());
     for (Client& client : clients_) flush(client);
+    const std::size_t clients = clients_.size();
     for (auto client = clients_.begin(); client != clients_.end();) {
       const bool over = client->broken || (client->closing && client->out.empty());
       if (!over) {
@@ -124,7 +125,8 @@ void UsbipServer::run(const std::function<bool()>& stopping) {
       wanted.push_back({client.fd, events, 0});
     }
     const std::uint64_t now_ns = rtbus::monotonic_ns();
-    const std::uint64_t sleep_ns = next_ns > now_ns ? std::min(next_ns - now_ns, kLongestSleepNs) : 0;
+    const bool waits = next_ns > now_ns && clients_.size() == clients;
+    const std::uint64_t sleep_ns = waits ? std::min(next_ns - now_ns, kLongestSleepNs) : 0;
     timespec patience{};
     patience.tv_nsec = static_cast<long>(sleep_ns);
     if (::ppoll(wanted.data(), wanted.size(), &patience, nullptr) <= 0) continue;

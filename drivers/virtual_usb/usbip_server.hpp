@@ -30,7 +30,8 @@ class UsbipServer {
 
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
 
-  /// Serves until `stopping()` says so; it is asked at least every 100 ms and after each signal.
+  /// Serves until `stopping()` says so; it is asked at least every 100 ms, after each signal and when a client has
+  /// gone.
   void run(const std::function<bool()>& stopping);
 
   /// Told of attach and detach, in words for people. May be empty.

@@ -1,5 +1,5 @@
-// What a client may send to the USB/IP server: the real server with the virtual Falcon, over a socket. The first byte
-// says how the rest is cut into packets.
+// What a client may send to the USB/IP server: the real server with a virtual Falcon or arm, over a socket. The first
+// byte says which, and how the rest is cut into packets.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -23,10 +23,10 @@ void require(bool condition) {
   if (!condition) std::abort();
 }
 
-DeviceMaker falcon() {
+DeviceMaker maker_of(const char* kind) {
   static const tests::TemporaryFolder folder;
-  rtbus::config::Map settings = rtbus::config::load(folder.write("falcon.yaml", "hand: {type: none}\n"));
-  return find_kind("falcon")->parse(settings);
+  rtbus::config::Map settings = rtbus::config::load(folder.write("device.yaml", "hand: {type: none}\n"));
+  return find_kind(kind)->parse(settings);
 }
 
 int connect_to(std::uint16_t port) {
@@ -45,11 +45,11 @@ int connect_to(std::uint16_t port) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0 || size > 60'000) return 0;
-  static const DeviceMaker make = falcon();
-  auto server = UsbipServer::listen(make(), "127.0.0.1", 0);
+  static const DeviceMaker falcon = maker_of("falcon"), arm = maker_of("phantom");
+  auto server = UsbipServer::listen((data[0] & 0x80) != 0 ? arm() : falcon(), "127.0.0.1", 0);
   require(static_cast<bool>(server));
   const int client = connect_to((*server)->port());
-  const std::size_t cut = std::size_t{data[0]} * 16 + 1;
+  const std::size_t cut = (data[0] & 0x7fu) * std::size_t{32} + 1;
   std::size_t at = 1;
   int rounds = 0;
   std::vector<std::uint8_t> answers(65536);

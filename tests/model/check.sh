@@ -2,12 +2,13 @@
 # Checks the protocols between threads and processes exhaustively: as they are they must hold, each broken variant must be
 # caught. bus.pml: the ring, by the release and acquire of C++. weak_*.pml: ring, cells and doorbell on a machine with store
 # buffers and reordered loads, like AArch64.
-# Prints one line per variant; exits 1 when a verdict is not the expected one. Needs spin and a C compiler.
+# Prints one line per variant; exits 1 when a verdict is not the expected one. Needs spin and a C compiler; exits 77 without
+# spin.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 work=$(mktemp -d) || exit 1
 trap 'rm -rf "$work"' EXIT INT TERM
-command -v spin >/dev/null || { echo "spin is not installed (apt-get install spin)"; exit 1; }
+command -v spin >/dev/null || { echo "spin is not installed (apt-get install spin)"; exit 77; }
 failures=0
 
 # check NAME EXPECTED(holds|caught) FLAGS…, of the file $model

@@ -185,7 +185,7 @@ void run_soak(const EvaluateOptions& options, Experiment& experiment) {
 void run_worst_physics(const EvaluateOptions& options, Experiment& experiment) {
   WorstPhysicsOptions worst;
   worst.session_file = session_of(options, "wall.yaml");
-  if (options.quick) worst.answers = 100'000;
+  if (options.quick) worst.answers = 500'000;
   evaluate_worst_physics(worst, experiment);
 }
 
