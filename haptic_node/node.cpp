@@ -114,7 +114,7 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(HapticConfig config, 
   auto device_state = create(std::type_identity<rtbus::DeviceState>{}, "device_state", history);
   auto telemetry = create(std::type_identity<rtbus::Telemetry>{}, "telemetry", history);
   auto loop_stats = create(std::type_identity<rtbus::LoopStats>{}, "loop_stats", 16);
-  auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", 16);
+  auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "heartbeat", rtbus::kHeartbeatSlots);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "node_info", 4);
   std::optional<rtbus::Publication<rtbus::LinkStats>> link_stats;
   if (settings.device->has_link()) {

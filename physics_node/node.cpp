@@ -49,7 +49,7 @@ rtbus::Result<std::unique_ptr<Node>, NodeFault> Node::open(NodeConfig config, st
     auto writer = create(std::type_identity<rtbus::ProxyState>{}, "physics.proxy_state." + proxy.device, 1024);
     if (writer) proxy_states.push_back(std::move(*writer));
   }
-  auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "physics.heartbeat", 16);
+  auto heartbeat = create(std::type_identity<rtbus::Heartbeat>{}, "physics.heartbeat", rtbus::kHeartbeatSlots);
   auto step_stats = create(std::type_identity<rtbus::StepStats>{}, "physics.step_stats", 16);
   auto node_info = create(std::type_identity<rtbus::NodeInfo>{}, "physics.node_info", 4);
   const auto& bodies = settings.scene.bodies;

@@ -116,6 +116,10 @@ struct ProxyState {
 /// What a node is doing, in Heartbeat::state.
 enum class NodeState : std::uint32_t { kStarting = 0, kRunning = 1, kStopping = 2 };
 
+/// Slots of a heartbeat's topic: two and a half seconds, as of the other topics. A recorder may wait so long for its
+/// disk.
+inline constexpr std::uint32_t kHeartbeatSlots = 128;
+
 /// `<node>.heartbeat`, every 20 ms from a thread of its own: the process is alive and not stopped.
 struct Heartbeat {
   std::uint64_t beats = 0;

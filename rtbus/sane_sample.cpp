@@ -22,6 +22,8 @@ constexpr double kVelocity_m_s = 1e6;
 constexpr double kForce_n = 1e9;
 constexpr double kScale = 1e6;
 constexpr double kUnit = 1.1;       // a component of a unit vector or quaternion
+constexpr double kNotUnit = 2e-3;   // of a squared length
+constexpr double kRadius_m = 1e-6;  // least
 constexpr double kStep_s = 3600.0;  // also of a step's computation
 constexpr double kAny = 1e15;       // figures without a narrower limit; nanoseconds made of it fit into 64 bits
 constexpr std::uint64_t kLongest_ns = 3600 * kNsPerS;
@@ -50,6 +52,16 @@ bool all_below(const std::array<std::uint32_t, kRows>& column, std::uint32_t lim
   return std::all_of(column.begin(), column.begin() + static_cast<std::ptrdiff_t>(rows),
                      [limit](std::uint32_t value) { return value < limit; });
 }
+
+/// What a unit vector has more or less than a length of 1 is rounding.
+template <std::size_t kRows>
+bool unit(const std::array<Vec3, kRows>& column, std::size_t rows) noexcept {
+  return std::all_of(column.begin(), column.begin() + static_cast<std::ptrdiff_t>(rows), [](const Vec3& row) {
+    return within(row[0] * row[0] + row[1] * row[1] + row[2] * row[2] - 1.0, kNotUnit);
+  });
+}
+/// Of a proxy that has a size.
+bool radius(double value_m) noexcept { return value_m == 0.0 || (value_m >= kRadius_m && value_m <= kPosition_m); }
 
 /// Gains are divided by it.
 bool scale(double value) noexcept { return value >= 1.0 / kScale && value <= kScale; }
@@ -133,10 +145,10 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
   const bool head = not_after(s.device_time_ns, stamp_ns) && all_counted(s.device_sequence, s.step_index) &&
                     within(s.step_s, kStep_s) && within(s.radius_m, kPosition_m) &&
                     within(s.proxy_position_m, kPosition_m) && within(s.proxy_velocity_m_s, kVelocity_m_s) &&
-                    within(s.proxy_mass_kg, kForce_n) && within(s.proxy_radius_m, kPosition_m);
+                    within(s.proxy_mass_kg, kForce_n) && radius(s.proxy_radius_m);
   const bool contacts =
       all_below(s.contact_body, s.bodies, s.contacts) && within(s.contact_point_m, kPosition_m, s.contacts) &&
-      within(s.contact_normal, kUnit, s.contacts) && within(s.contact_gap_m, kPosition_m, s.contacts) &&
+      unit(s.contact_normal, s.contacts) && within(s.contact_gap_m, kPosition_m, s.contacts) &&
       within(s.contact_velocity_m_s, kVelocity_m_s, s.contacts) && within(s.contact_friction, kScale, s.contacts) &&
       within(s.contact_curvature_per_m, kAny, s.contacts) && within(s.contact_inverse_mass_per_kg, kAny, s.contacts);
   constexpr std::uint32_t kKinds = 3;  // of body_kind
@@ -152,7 +164,7 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
       within(s.body_proxy_force_n, kForce_n, s.bodies);
   const bool supports =
       all_below(s.support_body, s.bodies, s.supports) && within(s.support_point_m, kPosition_m, s.supports) &&
-      within(s.support_normal, kUnit, s.supports) && within(s.support_force_n, kForce_n, s.supports) &&
+      unit(s.support_normal, s.supports) && within(s.support_force_n, kForce_n, s.supports) &&
       within(s.support_friction, kScale, s.supports) && within(s.support_velocity_m_s, kVelocity_m_s, s.supports) &&
       within(s.support_inverse_mass_per_kg, kAny, s.supports);
   const bool yields = s.yield_stiffness_n_per_m >= 0.0 && within(s.yield_stiffness_n_per_m, kForce_n) &&
