@@ -45,7 +45,7 @@ T full() {
 
 template <class T>
 T with(T sample, const Field& field, std::uint32_t element, double value) {
-  std::memcpy(reinterpret_cast<std::byte*>(&sample) + field.offset + 8 * element, &value, sizeof value);
+  std::memcpy(reinterpret_cast<std::byte*>(&sample) + field.offset + std::size_t{8} * element, &value, sizeof value);
   return sample;
 }
 
