@@ -20,7 +20,7 @@ namespace physics {
 class ContactPointTopics {
  public:
   static constexpr std::uint64_t kPeriod_ns = rtbus::kNsPerS / 30;
-  static constexpr std::uint32_t kCapacity = 8;
+  static constexpr std::uint32_t kCapacity = 64;
 
   /// @returns what failed, in one sentence, or "".
   [[nodiscard]] std::string open(const NodeConfig& config);

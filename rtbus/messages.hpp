@@ -116,8 +116,8 @@ struct ProxyState {
 /// What a node is doing, in Heartbeat::state.
 enum class NodeState : std::uint32_t { kStarting = 0, kRunning = 1, kStopping = 2 };
 
-/// Slots of a heartbeat's topic: two and a half seconds, as of the other topics. A recorder may wait so long for its
-/// disk.
+/// Slots of a heartbeat's topic [samples]: 2.5 s at one per 20 ms. Something, say its disk, may hold a recorder for so
+/// long.
 inline constexpr std::uint32_t kHeartbeatSlots = 128;
 
 /// `<node>.heartbeat`, every 20 ms from a thread of its own: the process is alive and not stopped.

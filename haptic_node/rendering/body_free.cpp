@@ -25,10 +25,6 @@ constexpr double kFar_m = 1.0;
 constexpr double kOut = 0.2, kOut_m_s = 0.05;
 /// Corners of a body that has moved and turned by less since they were found are the same ones.
 constexpr double kSameCorners_m = 1e-3, kSameCorners_rad = 5e-3;
-/// A corner that is farther from its face, about an encoder step, does not bear: the body tips.
-constexpr double kTips_m = 20e-6;
-/// It then goes from an answer to now in so many more parts. With ten times as many the same cases diverge.
-constexpr int kFinerParts = 3;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
@@ -190,16 +186,7 @@ bool FreeBody::lie_on_faces(const KnownShapes& shapes, const Tuning& tuning, con
     put_corners(i, found[i], motion.centre_m, supports);
   }
   support_count_ = supports.count - first_support_;
-  const std::span<const Support> corners(supports.rows.data() + first_support_, support_count_);
-  tips_ = std::any_of(corners.begin(), corners.end(), [](const Support& each) { return each.gap_m > kTips_m; });
   return true;
-}
-
-/// What tips comes down on a corner within a part. The longer the part, the later that is seen.
-int FreeBody::parts_of(const SinceAnswer& since) const noexcept {
-  if (!lies_ || !tips_ || since.networked || since.parts < static_cast<int>(since.tuning.parts)) return since.parts;
-  const int ticks = static_cast<int>(std::ceil(since.seconds() / since.tick_s - 0.1));
-  return std::clamp(ticks, since.parts, kFinerParts * since.parts);
 }
 
 bool FreeBody::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& centre_m, const Quaterniond& q_WB,
@@ -271,8 +258,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   if (from_ns >= since.now_ns) return Quaterniond::Identity();
   Impulse before = since.given_at(from_ns);
   const double way_s = from_ns > since.from_ns ? rtbus::seconds_between(from_ns, since.now_ns) : since.seconds();
-  const int parts = parts_of(since);
-  const double h = way_s / parts;
+  const double h = way_s / since.parts;
   const double tick_s = std::min(h, since.tick_s);
   SolverContact* const rows = since.scratch;
   std::size_t count = 0;
@@ -293,11 +279,11 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   // Where its corners were found last.
   Vector3d found_m = motion.centre_m;
   Quaterniond found_turned = turned;
-  for (int part = 1; part <= parts; ++part) {
+  for (int part = 1; part <= since.parts; ++part) {
     const std::uint64_t until_ns =
-        from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(parts);
+        from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
     Impulse after = since.given_at(until_ns);
-    after += part < parts ? since.others.until(until_ns) : since.others.until_now();
+    after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
     if (lies_) {
       const Vector3d moved_m = motion.centre_m - found_m;
       const Vector3d turned_rad = 2.0 * (turned * found_turned.conjugate()).vec();  // of a small angle

@@ -79,8 +79,6 @@ class FreeBody {
   void put_corners(std::size_t face, const rtbus::shapes::FacePoints& corners, const Eigen::Vector3d& centre_m,
                    SupportPool& supports) const noexcept;
   void stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept;
-  /// In which it goes from the answer's instant to now.
-  [[nodiscard]] int parts_of(const SinceAnswer& since) const noexcept;
   Eigen::Quaterniond resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept;
   [[nodiscard]] static double closing_m_s(double gap_m, double h) noexcept;
   [[nodiscard]] SolverContact row_of(const Support& support, double h) const noexcept;
@@ -107,7 +105,6 @@ class FreeBody {
   const rtbus::shapes::Hull* hull_ = nullptr;             ///< … and of a hull.
   Eigen::Vector3d origin_B_m_ = Eigen::Vector3d::Zero();  ///< Of the hull's frame, from the centre.
   bool lies_ = false;  ///< On faces_, corner by corner; otherwise on supports as told.
-  bool tips_ = false;  ///< … and a corner is above its face.
   std::array<HeldFace, kFaces> faces_{};
   std::size_t face_count_ = 0;
   bool ball_ = false;

@@ -69,26 +69,17 @@ void spin(SolverBody* bodies, const SolverContact& contact, double impulse) noex
   b.angular_velocity_rad_s -= b.inverse_inertia_per_kg_m2 * (contact.normal * impulse);
 }
 
-/// How the two sides of a contact move beside each other.
-class Slip {
- public:
-  Slip(const SolverBody* bodies, const SolverContact& contact) noexcept
-      : a_(bodies[contact.a]),
-        b_(contact.b >= 0 ? &bodies[contact.b] : nullptr),
-        velocity_m_s_(a_.velocity_m_s - contact.surface_velocity_m_s) {
-    if (b_ != nullptr) velocity_m_s_ -= b_->velocity_m_s;
+double slip_m_s(const SolverBody* bodies, const SolverContact& contact, const Direction& direction) noexcept {
+  const SolverBody& a = bodies[contact.a];
+  Vector3d velocity_m_s = a.velocity_m_s - contact.surface_velocity_m_s;
+  double turning_m_s = direction.arm_a.dot(a.angular_velocity_rad_s);
+  if (contact.b >= 0) {
+    const SolverBody& b = bodies[contact.b];
+    velocity_m_s -= b.velocity_m_s;
+    turning_m_s -= direction.arm_b.dot(b.angular_velocity_rad_s);
   }
-  [[nodiscard]] double along_m_s(const Direction& direction) const noexcept {
-    double turning_m_s = direction.arm_a.dot(a_.angular_velocity_rad_s);
-    if (b_ != nullptr) turning_m_s -= direction.arm_b.dot(b_->angular_velocity_rad_s);
-    return direction.along.dot(velocity_m_s_) + turning_m_s;
-  }
-
- private:
-  const SolverBody& a_;
-  const SolverBody* b_;
-  Vector3d velocity_m_s_;
-};
+  return direction.along.dot(velocity_m_s) + turning_m_s;
+}
 
 void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
   auto& [normal, first, second] = contact.directions;
@@ -131,9 +122,8 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   if (contact.inverse_mass_normal_per_kg <= 0.0) return 0.0;
   const auto& [along_normal, first, second] = contact.directions;
   const double soft = contact.softness_per_kg;
-  const Slip slips(bodies, contact);
-  const double normal_velocity =
-      slips.along_m_s(along_normal) + contact.closing_m_s + soft * (contact.normal_n_s - contact.expected_n_s);
+  const double normal_velocity = slip_m_s(bodies, contact, along_normal) + contact.closing_m_s +
+                                 soft * (contact.normal_n_s - contact.expected_n_s);
   double normal = std::max(0.0, contact.normal_n_s - normal_velocity * contact.mass_normal_kg);
   if (const double least = advance_impulse(contact); normal < least) {
     const double held_m_s = normal_velocity - soft * (contact.normal_n_s - contact.expected_n_s) +
@@ -150,7 +140,8 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
     return change;
   }
   // The slip after the push along the normal, without waiting for it.
-  const Vector2d slip = Vector2d(slips.along_m_s(first), slips.along_m_s(second)) + step * contact.slip_per_n_s;
+  const Vector2d slip =
+      Vector2d(slip_m_s(bodies, contact, first), slip_m_s(bodies, contact, second)) + step * contact.slip_per_n_s;
   Vector2d after = before - contact.mass_tangent_kg * slip;
   if (after.squaredNorm() > cone * cone) {
     // What slides is braked against its slip. The matrix, which finds what sticks in one step, would turn that.
