@@ -37,6 +37,10 @@ constexpr double kRefill_n_per_s = 0.5;
 constexpr double kLate_s = 4e-3;
 /// … the force catches up at this rate beside what the motion itself asks for: 0.05 N per ms is an encoder step's.
 constexpr double kCatchUp_n_per_s = 50.0;
+/// Until so long after a ramp, a force still comes back: the energy limit may hold it back longer than the ramp does …
+constexpr double kReturn_s = 0.3;
+/// … and it grows by what the ramp and the motion ask for, and so much more. 0.02 N per ms is 1 N within 50 ms.
+constexpr double kReturn_n_per_s = 20.0;
 /// Bandwidth of the overspeed watch: 5 m/s is seen within two milliseconds.
 constexpr double kOverspeedCutoff_hz = 100.0;
 /// The thermal limit starts to close at this part of the continuous load.
@@ -120,6 +124,10 @@ Eigen::Vector3d SafetyLadder::limit_growth(const Eigen::Vector3d& force_n, const
   if (speed > kNoiseSpeed_m_s && change.dot(input.velocity_m_s) < 0.0 && force_n.dot(input.velocity_m_s) < 0.0) {
     allowed += kDissipativeSlewFactor * config_.stiffness_n_per_m * speed * input.dt_s;
   }
+  if (returning_s_ > 0.0) {
+    const double asked_n = gate_step_ * slewed_n_.norm() + config_.stiffness_n_per_m * speed * input.dt_s;
+    allowed = std::min(allowed, asked_n + kReturn_n_per_s * input.dt_s);
+  }
   return kept + clamp(change, allowed, kSlewLimited, acted);
 }
 
@@ -195,7 +203,10 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   // A hand that rests in a wall cannot supply, without moving, what a ramp or a pause has cost the observer; without it
   // the wall would stay soft for as long as it rests. It counts up to the device's continuous force (decision 0016),
   // and not for a tip that has just run away.
-  if (gate_ <= 0.0) ran_away_ = overspeed_;
+  if (gate_ <= 0.0) {
+    ran_away_ = overspeed_;
+    short_ = true;
+  }
   const double stiffness_n_per_m = config_.stiffness_n_per_m;
   if (gate_ <= 0.0 || fading_ || ran_away_ || stiffness_n_per_m <= 0.0) {
     filling_ = false;
@@ -207,10 +218,12 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   const bool slow = input.velocity_m_s.norm() <= kSlow_m_s;
   filling_ = whole_n > 0.0 && !config_.passivity.counts_world_work && (filling_ || (gate_ < 1.0 && slow));
   if (filling_ && slow) filling_ = !passivity_.grant_in_steps(whole_n, whole_n * input.dt_s / kFill_s);
-  if (!paused_ || rested_s_ < kRest_s) return;
+  // A hand in the free has nothing to get back. What comes back may be little at first: the proxy was at the hand.
+  short_ = short_ && (whole_n > 0.0 || returning_s_ > 0.0);
+  if (!short_ || rested_s_ < kRest_s) return;
   const double held_n = std::sqrt(2.0 * stiffness_n_per_m * std::max(0.0, passivity_.observed_j()));
   passivity_.grant(energy_j(std::min(held_n + kRefill_n_per_s * input.dt_s, whole_n)));
-  paused_ = held_n < whole_n;
+  short_ = held_n < whole_n || returning_s_ > 0.0;
 }
 
 Eigen::Vector3d SafetyLadder::follow_extra(const SafetyInput& input) noexcept {
@@ -241,7 +254,7 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
 
   book_energy(checked);
   const double since_s = last_cycle_ns_ == 0 ? checked.dt_s : rtbus::seconds_between(last_cycle_ns_, checked.now_ns);
-  paused_ = paused_ || since_s > kPausePeriods * checked.dt_s;
+  short_ = short_ || since_s > kPausePeriods * checked.dt_s;
   if (last_cycle_ns_ != 0 && since_s > config_.force_timeout_s) start_over();
 
   Eigen::Vector3d force = checked.force_n;
@@ -252,7 +265,10 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   force = clamp(force, config_.max_force_n, kClamped, out.acted);
   force = limit_slew(force, checked, out.acted);
   watch_speed(checked);
+  const double gate_before = gate_;
   out.gate = update_gate(checked, since_s, out.acted);
+  gate_step_ = std::max(0.0, out.gate - gate_before);
+  returning_s_ = out.gate < 1.0 ? kReturn_s : returning_s_ - checked.dt_s;
   // A fade only ever falls, also when the method goes on pulling harder at a proxy that stands still. The slew limit's
   // own state is held down with it, so that a fade that is called off goes on from here.
   if (fading_) force = slewed_n_ = shortened(slewed_n_, fade_from_n_);

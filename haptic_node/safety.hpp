@@ -165,7 +165,9 @@ class SafetyLadder {
   bool overspeed_ = false;
   bool ran_away_ = false;        ///< The present ramp follows an overspeed cut.
   bool filling_ = false;         ///< A stretched spring that a ramp has found is not yet full.
-  bool paused_ = false;          ///< The loop was held up, and no hand has rested since.
+  double gate_step_ = 0.0;       ///< By how much the gate opened in this cycle.
+  double returning_s_ = 0.0;     ///< For how long the force still comes back, after a ramp.
+  bool short_ = false;           ///< A pause or a loss has cost the observer energy, and no hand has rested since.
   std::uint64_t slewed_ns_ = 0;  ///< Time of the sample that the slew limit saw last.
   bool catches_up_ = false;      ///< A sample came late: the force grows slowly until it is where it should be.
   Eigen::Vector3d rest_m_ = Eigen::Vector3d::Zero();  ///< Where the hand rests, if it does …

@@ -260,6 +260,59 @@ TEST(SafetyLadder, GivesAHandThatMovesOnlyWhatItSupplies) {
   EXPECT_LT(most_n, 1.0) << "of 1.9 N that the spring would ask for";
 }
 
+// Where the spring ends at the proxy of physics, no ramp fills it. The hand rests in the wall, and nobody supplies more.
+TEST(SafetyLadder, FillsTheSpringOfARestingHandSlowlyAfterALoss) {
+  Wall wall;
+  wall.config.passivity.counts_world_work = true;
+  wall.ladder.emplace(wall.config);
+  for (int k = 0; k < 1000; ++k) (void)wall.at(0.0);
+  SafetyInput lost = healthy({0.0, 1.92, 0.0});
+  lost.position_m = {0.0, -0.0048, 0.0};
+  lost.link_alive = false;
+  for (int k = 0; k < 200; ++k) (void)step(*wall.ladder, lost);
+  double last_n = 0.0, fastest_n = 0.0;
+  for (int k = 0; k < 5000; ++k) {
+    SafetyInput input = healthy({0.0, std::min(1.92, 0.006 * k), 0.0});  // the proxy, once at the hand, is let out
+    input.position_m = {0.0, -0.0048, 0.0};
+    const double now_n = step(*wall.ladder, input).force_n.y();
+    fastest_n = std::max(fastest_n, now_n - last_n);
+    if (k == 100) {
+      EXPECT_LT(now_n, 0.5) << "nobody has supplied more";
+    }
+    last_n = now_n;
+  }
+  EXPECT_NEAR(last_n, kWhole_n, 0.01);
+  EXPECT_LE(fastest_n, 0.04) << "the ramp asks for 0.02 N per ms";
+}
+
+// Energy that comes at once, of the world or by an allowance that follows a noisy speed, makes no step of a force that
+// the energy limit has held back since the ramp.
+TEST(SafetyLadder, ComesBackWithoutAStepAlsoWhereTheEnergyComesAfterTheRamp) {
+  Wall wall;
+  SafetyInput lost = healthy({0.0, 1.92, 0.0});
+  lost.position_m = {0.0, -0.0048, 0.0};
+  lost.link_alive = false;
+  for (int k = 0; k < 200; ++k) (void)step(*wall.ladder, lost);
+  SafetyInput back = lost;
+  back.link_alive = true;
+  back.velocity_m_s = {0.0, -0.02, 0.0};
+  double last_n = 0.0, fastest_n = 0.0;
+  for (int k = 0; k < 300; ++k) {
+    back.world_work_j = k == 150 ? 5e-3 : 0.0;
+    const double now_n = step(*wall.ladder, back).force_n.y();
+    fastest_n = std::max(fastest_n, now_n - last_n);
+    last_n = now_n;
+  }
+  EXPECT_NEAR(last_n, 1.92, 0.01);
+  EXPECT_LE(fastest_n, 1.92 * 0.01 + Wall::kStiffness_n_per_m * 0.02e-3 + 0.02 + 1e-9);
+  // Later it is no return any more: 3 N per ms, and four times what the motion asks for.
+  back.velocity_m_s.setZero();
+  for (int k = 0; k < 500; ++k) last_n = step(*wall.ladder, back).force_n.y();
+  back.force_n.y() = 2.92;
+  back.world_work_j = 10e-3;
+  EXPECT_NEAR(step(*wall.ladder, back).force_n.y(), 2.92, 0.01);
+}
+
 TEST(SafetyLadder, FillsNoSpringWithoutAPause) {
   Wall wall;
   double last_n = 0.0;
