@@ -28,6 +28,7 @@ class SimulatedDevice final : public Device {
 
   /// What the hand feels and where the tip really is, for the harness and tests.
   [[nodiscard]] const Mechanics& mechanics() const noexcept { return mechanics_; }
+  [[nodiscard]] Mechanics& mechanics() noexcept { return mechanics_; }
 
  private:
   DeviceInfo info_;

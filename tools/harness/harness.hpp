@@ -106,6 +106,7 @@ class Harness {
   }
   /// To look at: a SimulatedDevice knows where the tip really is and what the hand does.
   [[nodiscard]] const drivers::Device& device(std::size_t node = 0) const { return *hands_.at(node)->device; }
+  [[nodiscard]] drivers::Device& device(std::size_t node = 0) { return *hands_.at(node)->device; }
   [[nodiscard]] std::size_t hands() const noexcept { return hands_.size(); }
   /// Null when the session has no physics that a node needs.
   [[nodiscard]] const physics::Stepper* stepper() const noexcept { return stepper_.get(); }

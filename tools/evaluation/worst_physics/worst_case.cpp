@@ -48,25 +48,45 @@ struct Run {
     for (const std::string& text : assignments_of(plan)) out.push_back(rtbus::config::parse_override(text));
     return out;
   }
-  [[nodiscard]] const drivers::simulated::Mechanics& mechanics() const {
-    return static_cast<const drivers::simulated::SimulatedDevice&>(harness.device()).mechanics();
+  [[nodiscard]] drivers::simulated::Mechanics& mechanics() {
+    return static_cast<drivers::simulated::SimulatedDevice&>(harness.device()).mechanics();
   }
   rtbus::config::SessionConfig session;
   Harness harness;
 };
 
-std::vector<Vector3d> record_second(Harness& harness) {
-  std::vector<Vector3d> out;
-  harness.run(1.0, [&](const rtbus::Telemetry& tick) { out.push_back(rtbus::vector_of(tick.force_n)); });
-  return out;
+std::vector<Vector3d> last_second(std::vector<Vector3d> forces_n) {
+  const auto before = static_cast<double>(forces_n.size()) * kRecovery_s / (kRecovery_s + 1.0);
+  forces_n.erase(forces_n.begin(), forces_n.begin() + static_cast<std::ptrdiff_t>(before));
+  return forces_n;
 }
 
-/// The last second of a hand that met nothing but honest physics.
-std::vector<Vector3d> honest_second(const HostilePlan& plan, const WorstSetup& setup) {
+/// Where a tip is at the end of a tick, and how fast.
+struct Tip {
+  Vector3d position_m, velocity_m_s;
+};
+
+/// The last second's forces of a loop that met nothing but honest physics, while its tip goes the same way: a soft hand
+/// swings for seconds once it has been thrown, and that is no lie. Within a second it is led to where that way begins.
+std::vector<Vector3d> honest_second(const HostilePlan& plan, const WorstSetup& setup, std::span<const Tip> way) {
   Run run(plan, setup.session_file);
-  // Whole periods of the hand's motion: which ones does not matter, once its amplitude is reached.
-  run.harness.run(std::fmod(setup.hostile_s, 1.0) + 2.0 + kRecovery_s, nullptr);
-  return record_second(run.harness);
+  run.harness.run(1.0, nullptr);
+  std::vector<Vector3d> out;
+  constexpr double kLead_s = 1.0;
+  const Vector3d from_m = run.mechanics().position_m();
+  const Vector3d lead_m_s = (way.front().position_m - from_m) / kLead_s;
+  double lead_s = 0.0;
+  run.harness.run(kLead_s, [&](const rtbus::Telemetry&) {
+    lead_s += 1e-9 * static_cast<double>(run.harness.config().period_ns());
+    run.mechanics().place(from_m + lead_s * lead_m_s, lead_m_s);
+  });
+  std::size_t next = 0;
+  run.harness.run(kRecovery_s + 1.0, [&](const rtbus::Telemetry& tick) {
+    if (next < way.size()) run.mechanics().place(way[next].position_m, way[next].velocity_m_s);
+    ++next;
+    out.push_back(rtbus::vector_of(tick.force_n));
+  });
+  return last_second(std::move(out));
 }
 
 double rms(const std::vector<Vector3d>& forces_n) {
@@ -78,7 +98,7 @@ double rms(const std::vector<Vector3d>& forces_n) {
 /// Looks at each tick.
 class Judge {
  public:
-  Judge(const Run& run, WorstOutcome& out) : run_(run), config_(run.harness.config()), out_(out) {
+  Judge(Run& run, WorstOutcome& out) : run_(run), config_(run.harness.config()), out_(out) {
     out_.growth_bound_n = config_.safety.slew_n_per_ms * 1e-6 * static_cast<double>(config_.period_ns()) + kRounding_n;
     out_.bound_w = power_bound_w(config_, kEnergyWindow_s);
   }
@@ -113,7 +133,7 @@ class Judge {
   }
 
  private:
-  const Run& run_;
+  Run& run_;
   const haptic::HapticConfig& config_;
   WorstOutcome& out_;
   Vector3d last_n_ = Vector3d::Zero();
@@ -153,15 +173,22 @@ WorstOutcome run_worst_case(const std::string& method, std::span<const std::uint
   out.answers = hostile.lies();
   out.trial_w = judge.lasting_power_w();
   if (out.trial_w < setup.give_up_below_w && out.forces_hold()) return out;
-  run.harness.run(setup.hostile_s - kTrial_s + kRecovery_s, look);
+  run.harness.run(setup.hostile_s - kTrial_s, look);
+  std::vector<Vector3d> forces_n;
+  std::vector<Tip> way;
+  run.harness.run(kRecovery_s + 1.0, [&](const rtbus::Telemetry& tick) {
+    if (tick.due_ns < until_ns + static_cast<std::uint64_t>(kRecovery_s * 1e9)) look(tick);
+    forces_n.push_back(rtbus::vector_of(tick.force_n));
+    way.push_back({run.mechanics().position_m(), run.mechanics().velocity_m_s()});
+  });
   out.answers = hostile.lies();
 
   out.hash = run.harness.hash();
   // A tip that nobody holds stays where the lies have left it, perhaps deep inside the wall, which has no energy to
   // lift it out: there is nothing to compare with.
   if (plan.hand_n_per_m <= 0.0) return out;
-  const std::vector<Vector3d> honest_n = honest_second(plan, setup);
-  std::vector<Vector3d> differences_n = record_second(run.harness);
+  const std::vector<Vector3d> honest_n = honest_second(plan, setup, way);
+  std::vector<Vector3d> differences_n = last_second(std::move(forces_n));
   for (std::size_t i = 0; i < std::min(differences_n.size(), honest_n.size()); ++i) differences_n[i] -= honest_n[i];
   out.recovery_error_n = rms(differences_n);
   out.recovery_bound_n = kSameForce_n + kSameForceShare * rms(honest_n);

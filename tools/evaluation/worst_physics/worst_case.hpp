@@ -38,8 +38,8 @@ struct WorstOutcome {
                                   ///< force for a minute.
   double power_w = 0.0;           ///< Largest mean power to the hand over a window of kEnergyWindow_s.
   double bound_w = 0.0;           ///< power_bound_w().
-  double recovery_error_n = 0.0;  ///< With a hand: RMS difference from a hand that met honest physics alone, in the
-                                  ///< second after kRecovery_s …
+  double recovery_error_n = 0.0;  ///< With a hand: RMS difference from what honest physics alone makes of the same
+                                  ///< motion of the tip, in the second after kRecovery_s …
   double recovery_bound_n = 0.0;  ///< … and what is allowed.
   std::uint64_t overspeeds = 0;
   std::uint64_t hash = 0;  ///< Of the run.
