@@ -260,7 +260,8 @@ TEST(SafetyLadder, GivesAHandThatMovesOnlyWhatItSupplies) {
   EXPECT_LT(most_n, 1.0) << "of 1.9 N that the spring would ask for";
 }
 
-// Where the spring ends at the proxy of physics, no ramp fills it. The hand rests in the wall, and nobody supplies more.
+// Where the spring ends at the proxy of physics, no ramp fills it. The hand rests in the wall, and nobody supplies
+// more.
 TEST(SafetyLadder, FillsTheSpringOfARestingHandSlowlyAfterALoss) {
   Wall wall;
   wall.config.passivity.counts_world_work = true;
