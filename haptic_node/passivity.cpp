@@ -61,16 +61,12 @@ void Passivity::give(double energy_j) noexcept {
   }
 }
 
-void Passivity::grant(double energy_j) noexcept {
-  if (config_.control) observed_j_ = std::max(observed_j_, std::min(energy_j, config_.energy_cap_j));
-}
-
 bool Passivity::grant_in_steps(double whole_n, double step_n) noexcept {
   const double twice_stiffness = 2.0 * config_.stiffness_n_per_m;
   const double whole_j = std::min(whole_n * whole_n / twice_stiffness, config_.energy_cap_j);
   const double next_n = std::sqrt(twice_stiffness * std::max(0.0, observed_j_ + kFreeJ)) + step_n;
   const double next_j = next_n * next_n / twice_stiffness - kFreeJ;
-  grant(std::min(whole_j, next_j));
+  if (config_.control) observed_j_ = std::max(observed_j_, std::min(whole_j, next_j));
   return !config_.control || next_j >= whole_j;
 }
 

@@ -51,11 +51,8 @@ class Passivity {
   /// Physics counts from zero again: what the world owed by the count before is void, which may have been damage.
   void forget_claim() noexcept RTBUS_NONBLOCKING { claim_j_ = 0.0; }
 
-  /// The spring holds `energy_j` that nobody has been seen to supply, and it is allowed: E is at least that.
-  void grant(double energy_j) noexcept RTBUS_NONBLOCKING;
-
-  /// The same, of a spring that holds `whole_n`, but in steps: what limit() lets through to a hand that does not move
-  /// rises by at most `step_n`. @returns whether it is whole now.
+  /// A spring that holds `whole_n`, and that nobody has been seen to stretch, is allowed that in steps: what limit()
+  /// lets through to a hand that does not move rises by at most `step_n`. @returns whether it is whole now.
   [[nodiscard]] bool grant_in_steps(double whole_n, double step_n) noexcept RTBUS_NONBLOCKING;
 
   /// `force_n`, limited to √(2K·E), which a spring can hold with the observed energy E: passive set-position modulation

@@ -32,6 +32,8 @@ constexpr double kRestRadius_m = 0.2e-3;
 constexpr double kRest_s = 0.2;
 /// … at this rate, too slowly to be felt as a push.
 constexpr double kRefill_n_per_s = 0.5;
+/// … and by so many times its force in all. What an oscillation takes out meanwhile must not feed it for ever.
+constexpr double kMostRefill = 2.0;
 /// A sample that comes later than this (and than kPausePeriods) finds the hand farther on, at 50 mm/s by 0.2 mm. What
 /// it went meanwhile must not be a step of the force …
 constexpr double kLate_s = 4e-3;
@@ -39,8 +41,11 @@ constexpr double kLate_s = 4e-3;
 constexpr double kCatchUp_n_per_s = 50.0;
 /// Until so long after a ramp, a force still comes back: the energy limit may hold it back longer than the ramp does …
 constexpr double kReturn_s = 0.3;
-/// … and it grows by what the ramp and the motion ask for, and so much more. 0.02 N per ms is 1 N within 50 ms.
-constexpr double kReturn_n_per_s = 20.0;
+/// … and it grows by what the ramp and the motion ask for, and so much more, which is less than an encoder step may
+/// make. At 0.03 N per ms a tip that a rising proxy lifts bounced on it …
+constexpr double kReturn_n_per_s = 40.0;
+/// … then e times as much after each of so long: what is held back still makes no step. After so many it is no limit.
+constexpr double kRelease_s = 0.05, kReleases = 6.0;
 /// Bandwidth of the overspeed watch: 5 m/s is seen within two milliseconds.
 constexpr double kOverspeedCutoff_hz = 100.0;
 /// The thermal limit starts to close at this part of the continuous load.
@@ -51,6 +56,13 @@ constexpr double kAbsurdSpeed_m_s = 1e6;
 constexpr double kAbsurdForce_n = 1e9;
 
 bool sane(const Eigen::Vector3d& v, double bound) noexcept { return v.allFinite() && v.cwiseAbs().maxCoeff() < bound; }
+
+/// What is left of `before` in `now`: the part along it that neither grows nor turns.
+Eigen::Vector3d kept_of(const Eigen::Vector3d& before, const Eigen::Vector3d& now) noexcept {
+  const double before2 = before.squaredNorm();
+  if (before2 <= 0.0) return Eigen::Vector3d::Zero();
+  return std::clamp(now.dot(before) / before2, 0.0, 1.0) * before;
+}
 
 Eigen::Vector3d shortened(const Eigen::Vector3d& v, double limit) noexcept {
   const double norm = v.norm();
@@ -114,21 +126,24 @@ Eigen::Vector3d SafetyLadder::limit_growth(const Eigen::Vector3d& force_n, const
   // The observed energy may rise at once, by as much as the world claims to have given: with it the force that it
   // bounds. What was held back may have turned meanwhile, too. A force that is held back takes no energy from anybody:
   // what is sent is what the observer counts.
-  const double sent2 = sent_n_.squaredNorm();
-  const Eigen::Vector3d kept = sent2 > 0.0
-                                   ? Eigen::Vector3d(std::clamp(force_n.dot(sent_n_) / sent2, 0.0, 1.0) * sent_n_)
-                                   : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  const Eigen::Vector3d kept = kept_of(sent_n_, force_n);
   const Eigen::Vector3d change = force_n - kept;
   double allowed = config_.slew_n_per_ms * 1e3 * input.dt_s;
   const double speed = input.velocity_m_s.norm();
   if (speed > kNoiseSpeed_m_s && change.dot(input.velocity_m_s) < 0.0 && force_n.dot(input.velocity_m_s) < 0.0) {
     allowed += kDissipativeSlewFactor * config_.stiffness_n_per_m * speed * input.dt_s;
   }
-  if (returning_s_ > 0.0) {
-    const double asked_n = gate_step_ * slewed_n_.norm() + config_.stiffness_n_per_m * speed * input.dt_s;
-    allowed = std::min(allowed, asked_n + kReturn_n_per_s * input.dt_s);
-  }
   return kept + clamp(change, allowed, kSlewLimited, acted);
+}
+
+Eigen::Vector3d SafetyLadder::limit_return(const Eigen::Vector3d& force_n, const SafetyInput& input,
+                                           std::uint32_t& acted) const noexcept {
+  if (returned_s_ >= kReturn_s + kReleases * kRelease_s) return force_n;
+  const double against_m_s = std::max(0.0, -force_n.normalized().dot(input.velocity_m_s));
+  const double asked_n = gate_step_ * slewed_n_.norm() + config_.stiffness_n_per_m * against_m_s * input.dt_s;
+  const double more_n_per_s = kReturn_n_per_s * std::exp(std::max(0.0, returned_s_ - kReturn_s) / kRelease_s);
+  const Eigen::Vector3d kept = kept_of(sent_n_, force_n);
+  return kept + clamp(force_n - kept, asked_n + more_n_per_s * input.dt_s, kSlewLimited, acted);
 }
 
 void SafetyLadder::watch_speed(const SafetyInput& input) noexcept {
@@ -205,7 +220,7 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   // and not for a tip that has just run away.
   if (gate_ <= 0.0) {
     ran_away_ = overspeed_;
-    short_ = true;
+    short_ = short_ || opened_;
   }
   const double stiffness_n_per_m = config_.stiffness_n_per_m;
   if (gate_ <= 0.0 || fading_ || ran_away_ || stiffness_n_per_m <= 0.0) {
@@ -213,17 +228,19 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
     return;
   }
   const double whole_n = std::min(force_n.norm(), config_.continuous_force_n);
-  const auto energy_j = [stiffness_n_per_m](double n) { return n * n / (2.0 * stiffness_n_per_m); };
   // Where the spring ends at the proxy of physics, the work that the world does there counts in a ramp instead.
   const bool slow = input.velocity_m_s.norm() <= kSlow_m_s;
   filling_ = whole_n > 0.0 && !config_.passivity.counts_world_work && (filling_ || (gate_ < 1.0 && slow));
   if (filling_ && slow) filling_ = !passivity_.grant_in_steps(whole_n, whole_n * input.dt_s / kFill_s);
   // A hand in the free has nothing to get back. What comes back may be little at first: the proxy was at the hand.
-  short_ = short_ && (whole_n > 0.0 || returning_s_ > 0.0);
+  short_ = short_ && (whole_n > 0.0 || returned_s_ < kReturn_s);
   if (!short_ || rested_s_ < kRest_s) return;
-  const double held_n = std::sqrt(2.0 * stiffness_n_per_m * std::max(0.0, passivity_.observed_j()));
-  passivity_.grant(energy_j(std::min(held_n + kRefill_n_per_s * input.dt_s, whole_n)));
-  short_ = held_n < whole_n || returning_s_ > 0.0;
+  const double step_n = kRefill_n_per_s * input.dt_s;
+  filled_n_ += step_n;
+  const bool whole = passivity_.grant_in_steps(whole_n, step_n);
+  if ((!whole && filled_n_ < kMostRefill * whole_n) || returned_s_ < kReturn_s) return;
+  short_ = false;
+  filled_n_ = 0.0;
 }
 
 Eigen::Vector3d SafetyLadder::follow_extra(const SafetyInput& input) noexcept {
@@ -268,7 +285,8 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   const double gate_before = gate_;
   out.gate = update_gate(checked, since_s, out.acted);
   gate_step_ = std::max(0.0, out.gate - gate_before);
-  returning_s_ = out.gate < 1.0 ? kReturn_s : returning_s_ - checked.dt_s;
+  opened_ = opened_ || out.gate >= 1.0;
+  returned_s_ = out.gate < 1.0 && opened_ ? 0.0 : returned_s_ + checked.dt_s;
   // A fade only ever falls, also when the method goes on pulling harder at a proxy that stands still. The slew limit's
   // own state is held down with it, so that a fade that is called off goes on from here.
   if (fading_) force = slewed_n_ = shortened(slewed_n_, fade_from_n_);
@@ -285,6 +303,7 @@ SafetyOutput SafetyLadder::apply(const SafetyInput& input) noexcept {
   force = passivity_.limit(force, stored_n, checked.velocity_m_s, limited);
   force = limit_growth(force, checked, out.acted);
   if (out.gate > 0.0) force = passivity_.control(force, checked.velocity_m_s, checked.dt_s, damped);
+  force = limit_return(force, checked, out.acted);
   if (limited || damped) out.acted |= kPassivity;
   const double limit_n = std::min(config_.max_force_n, thermal_n);
   force = clamp(force, limit_n, kClamped, out.acted);

@@ -139,6 +139,9 @@ class SafetyLadder {
   /// Behind the energy limit: no faster than the slew limit from the force that was sent last.
   [[nodiscard]] Eigen::Vector3d limit_growth(const Eigen::Vector3d& force_n, const SafetyInput& input,
                                              std::uint32_t& acted) const noexcept;
+  /// Behind the damper: while a force comes back it grows by what the ramp and the motion ask for, and little more.
+  [[nodiscard]] Eigen::Vector3d limit_return(const Eigen::Vector3d& force_n, const SafetyInput& input,
+                                             std::uint32_t& acted) const noexcept;
   [[nodiscard]] Eigen::Vector3d follow_extra(const SafetyInput& input) noexcept;
   [[nodiscard]] double update_gate(const SafetyInput& input, double since_s, std::uint32_t& acted) noexcept;
   void watch_speed(const SafetyInput& input) noexcept;
@@ -166,8 +169,10 @@ class SafetyLadder {
   bool ran_away_ = false;        ///< The present ramp follows an overspeed cut.
   bool filling_ = false;         ///< A stretched spring that a ramp has found is not yet full.
   double gate_step_ = 0.0;       ///< By how much the gate opened in this cycle.
-  double returning_s_ = 0.0;     ///< For how long the force still comes back, after a ramp.
+  bool opened_ = false;          ///< The gate has been open once: what comes is a return.
+  double returned_s_ = 1e9;      ///< Time since the last ramp of a return; none yet: long ago.
   bool short_ = false;           ///< A pause or a loss has cost the observer energy, and no hand has rested since.
+  double filled_n_ = 0.0;        ///< So far the spring of a resting hand has been filled.
   std::uint64_t slewed_ns_ = 0;  ///< Time of the sample that the slew limit saw last.
   bool catches_up_ = false;      ///< A sample came late: the force grows slowly until it is where it should be.
   Eigen::Vector3d rest_m_ = Eigen::Vector3d::Zero();  ///< Where the hand rests, if it does …

@@ -107,12 +107,17 @@ TEST(StabilityCase, FindsThatThePublishedInterpolationDiverges) {
   EXPECT_EQ(result.above_limit, 0u);
 }
 
-// Nor one that never says "growing": this one, on the edge of what a method as published can do, grows for twelve
-// seconds.
+// Nor one that never says "growing": of these, on the edge of what a method as published can do, rounding decides
+// which.
 TEST(StabilityCase, FindsAnOscillationThatGrows) {
-  const StabilityResult result = tools::run_case(tools::draw_case(10'011'517), kSession, {});
-  EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << result.error;
-  EXPECT_TRUE(result.growing);
+  int growing = 0;
+  for (const std::uint64_t seed :
+       {10'020'564u, 10'020'571u, 10'023'178u, 10'023'561u, 10'026'997u, 10'028'226u, 10'031'379u}) {
+    const StabilityResult result = tools::run_case(tools::draw_case(seed), kSession, {});
+    EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << seed << ": " << result.error;
+    growing += result.growing ? 1 : 0;
+  }
+  EXPECT_GE(growing, 1);
 }
 
 TEST(StabilityCase, ReportsAStiffnessThatIsLowered) {

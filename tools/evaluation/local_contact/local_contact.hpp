@@ -11,6 +11,7 @@
 #include "rtbus/messages.hpp"
 #include "tools/cli/common/run_progress.hpp"
 #include "tools/evaluation/shared/experiment.hpp"
+#include "tools/evaluation/shared/method_settings.hpp"
 #include "tools/evaluation/shared/panels.hpp"
 #include "tools/evaluation/work_precision/work_precision.hpp"
 
@@ -24,6 +25,9 @@ struct LocalContactOptions {
 
 inline constexpr const char* kLocalContact = "local_contact";
 inline constexpr const char* kRemoteCoupling = "remote_virtual_coupling";
+inline constexpr const char* kForceInterpolation = "interpolation";
+/// With it, in each table.
+inline constexpr const char* kAllCompared[] = {kLocalContact, kRemoteCoupling, kLeadingCoupling, kForceInterpolation};
 
 /// Runs all claims, draws and checks them. Throws rtbus::config::Error.
 void evaluate_local_contact(const LocalContactOptions& options, Experiment& experiment);

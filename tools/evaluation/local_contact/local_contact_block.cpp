@@ -20,7 +20,7 @@ struct Gain {
   double stiffness_n_per_m;
   double bar_n;  ///< Where remote coupling diverges.
 };
-constexpr const char* kCompared[] = {kRemoteCoupling, kLeadingCoupling, kLocalContact};
+constexpr const char* kCompared[] = {kRemoteCoupling, kLeadingCoupling, kLocalContact, kForceInterpolation};
 constexpr std::size_t kLocal = 2;
 constexpr Gain kGains[] = {{500.0, 0.25}, {1000.0, 0.6}};
 
@@ -125,7 +125,7 @@ void claim_rates(const LocalContactOptions& options, Experiment& experiment, Run
   std::vector<Panel> panels;
   double worst = 0.0;
   std::size_t done = 0;
-  for (const std::string method : {kLocalContact, kRemoteCoupling, kLeadingCoupling}) {
+  for (const std::string method : kAllCompared) {
     Panel panel{method,
                 "results of physics [Hz]",
                 "force error, RMS [N]",

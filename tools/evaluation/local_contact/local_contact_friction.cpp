@@ -97,13 +97,13 @@ void claim_friction(const LocalContactOptions& options, Experiment& experiment) 
     const std::string rate = physics_hz == 1000.0 ? "null" : formatted("%g", physics_hz);
     const Standing alone =
         watch(options, {"haptic.0.method=local_contact", "physics.throttle_hz=" + rate, hand_that_goes(1e-4)}, bare);
-    for (const char* const method : {kLocalContact, kRemoteCoupling, kLeadingCoupling}) {
+    for (const char* const method : kAllCompared) {
       Settings settings = method_settings(method);
       settings.push_back("physics.throttle_hz=" + rate);
       settings.push_back(hand_that_goes(0.00493));
       const Standing felt = watch(options, settings, {});
       table.rows.push_back({physics_hz, std::string(method), felt.before_n, felt.after_n, felt.way_um, alone.way_um});
-      if (std::string(method) == kLeadingCoupling) continue;
+      if (std::string(method) != kLocalContact && std::string(method) != kRemoteCoupling) continue;
       const std::string id = std::string("local-contact.friction.") + method + formatted(".%ghz", physics_hz);
       const std::string what =
           std::string(method) +

@@ -39,7 +39,7 @@ void claim_two_hands(const LocalContactOptions& options, Experiment& experiment)
   Panel left{"Force on the left hand, physics 18 Hz", "time [s]", "force [N]", {}, "set yrange [0:4]"};
   left.lines.push_back(carry_line(truth, 0, {"10 kHz, no delay", "lc rgb 'black'", {}, {}, false}));
   for (const double physics_hz : {100.0, 43.0, 18.0}) {
-    for (const char* const method : {kLocalContact, kRemoteCoupling, kLeadingCoupling}) {
+    for (const char* const method : kAllCompared) {
       if (interrupted()) return;
       const TwoHandsRun felt = run(late_carry(method, physics_hz));
       const CarryError first = carry_error(felt, truth, 0, TwoHandsRun::kCarried_s, setup.duration_s);

@@ -170,7 +170,7 @@ void claim_shapes(const LocalContactOptions& options, Experiment& experiment) {
     panel.lines.push_back(hand_line(truth, converged_line(), kStrokeStart_s));
     for (const double physics_hz : {100.0, 43.0, 18.0}) {
       if (options.quick && physics_hz == 43.0) continue;
-      for (const char* const method : {kLocalContact, kRemoteCoupling, kLeadingCoupling}) {
+      for (const char* const method : kAllCompared) {
         std::vector<std::string> settings = method_settings(method);
         settings.push_back("physics.rate_hz=1000");
         settings.push_back(formatted("physics.throttle_hz=%g", physics_hz));

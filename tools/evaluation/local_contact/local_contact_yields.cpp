@@ -83,7 +83,7 @@ Panel press_soft(const LocalContactOptions& options, double depth_m, Table& tabl
                            mean_n(truth, kSoftRest_s) / own_n, "1", 1.0 - kSoftRestShare, 1.0 + kSoftRestShare);
   for (const double physics_hz : {100.0, 43.0, 18.0}) {
     if (interrupted() || (options.quick && physics_hz != 18.0)) continue;
-    for (const char* const method : {kLocalContact, kRemoteCoupling, kLeadingCoupling}) {
+    for (const char* const method : kAllCompared) {
       const HandRun felt = press(method, physics_hz);
       const HandError error = add_row(physics_hz, method, felt);
       if (physics_hz == 18.0) panel.lines.push_back(hand_line(felt, method_line(method), kPressed_s));
@@ -108,7 +108,7 @@ Panel press_beads(const LocalContactOptions& options, Table& table, Experiment& 
   };
   for (const double physics_hz : {100.0, 43.0, 18.0}) {
     if (interrupted() || (options.quick && physics_hz == 43.0)) continue;
-    for (const char* const method : {kRemoteCoupling, kLeadingCoupling, kLocalContact}) {
+    for (const char* const method : kAllCompared) {
       const HandRun felt = press(method, physics_hz);
       const double calm_n = vibration_n(felt, kBeadsRest_s);
       table.rows.push_back(
