@@ -13,8 +13,10 @@ namespace haptic {
 
 struct LinkMonitorConfig {
   double loss_timeout_s = 0.055;  ///< A heartbeat (every 20 ms) older than this: the process is dead or stopped.
-  double min_step_age_s = 0.1;  ///< A hung engine: older than max(this, step_periods × declared period + step time) …
-  double step_periods = 2.5;    ///< Declared periods [1].
+  /// A hung engine: older than max(this, step_periods × declared period + step time) … 100 ms are promised: what sees
+  /// it is the next tick, and the force of the last one acts until the device's own next step.
+  double min_step_age_s = 0.098;
+  double step_periods = 2.5;     ///< Declared periods [1].
   double max_step_age_s = 10.0;  ///< … or than this, whatever physics declares.
   /// Answers to samples that are older than max(this, twice the age limit of a step) are none: slow physics, whose
   /// answers are two periods and a step old, stays far below it, and so does a link of 0.2 s each way.
