@@ -220,7 +220,7 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   // and not for a tip that has just run away.
   if (gate_ <= 0.0) {
     ran_away_ = overspeed_;
-    short_ = short_ || opened_;
+    short_ = true;
   }
   const double stiffness_n_per_m = config_.stiffness_n_per_m;
   if (gate_ <= 0.0 || fading_ || ran_away_ || stiffness_n_per_m <= 0.0) {
