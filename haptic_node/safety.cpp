@@ -220,7 +220,7 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   // and not for a tip that has just run away.
   if (gate_ <= 0.0) {
     ran_away_ = overspeed_;
-    short_ = true;
+    short_ = short_ || opened_;
   }
   const double stiffness_n_per_m = config_.stiffness_n_per_m;
   if (gate_ <= 0.0 || fading_ || ran_away_ || stiffness_n_per_m <= 0.0) {
@@ -232,9 +232,8 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   const bool slow = input.velocity_m_s.norm() <= kSlow_m_s;
   filling_ = whole_n > 0.0 && !config_.passivity.counts_world_work && (filling_ || (gate_ < 1.0 && slow));
   if (filling_ && slow) filling_ = !passivity_.grant_in_steps(whole_n, whole_n * input.dt_s / kFill_s);
-  // A hand in the free has nothing to get back. What comes back may be little at first: the proxy was at the hand.
-  short_ = short_ && (whole_n > 0.0 || returned_s_ < kReturn_s);
   if (!short_ || rested_s_ < kRest_s) return;
+  // What comes back may be little at first: the proxy was at the hand.
   const double step_n = kRefill_n_per_s * input.dt_s;
   filled_n_ += step_n;
   const bool whole = passivity_.grant_in_steps(whole_n, step_n);
