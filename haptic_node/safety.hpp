@@ -4,10 +4,10 @@
 /// docs/safety.md explains each stage.
 ///
 ///   finite check → clamp to the device's limit → slew limit → start ramp → overspeed cut → E-stop and stale fade →
-///   thermal budget → passivity → force of an order → clamp once more
+///   thermal budget → passivity → growth of what comes back → force of an order → clamp once more
 ///
-/// The slew limit stands before passivity. After it, it would change the force that the observer has counted, and
-/// generate energy.
+/// The slew limit stands before passivity: one that slows a fall of the force generates energy. Growth alone is limited
+/// behind it too. Less force takes no energy from anybody, and the observer counts what is sent.
 #include <algorithm>
 #include <cstdint>
 
@@ -172,7 +172,6 @@ class SafetyLadder {
   bool opened_ = false;          ///< The gate has been open once: what comes is a return.
   double returned_s_ = 1e9;      ///< Time since the last ramp of a return; none yet: long ago.
   bool short_ = false;           ///< A pause or a loss has cost the observer energy, and no hand has rested since.
-  double filled_n_ = 0.0;        ///< So far the spring of a resting hand has been filled.
   std::uint64_t slewed_ns_ = 0;  ///< Time of the sample that the slew limit saw last.
   bool catches_up_ = false;      ///< A sample came late: the force grows slowly until it is where it should be.
   Eigen::Vector3d rest_m_ = Eigen::Vector3d::Zero();  ///< Where the hand rests, if it does …

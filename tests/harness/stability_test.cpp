@@ -1,13 +1,16 @@
 /// Stability cases that went wrong once. tests/data/stability_seeds.tsv has the seeds and what they have to be now.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
+#include <numbers>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "tools/evaluation/stability/parallel_cases.hpp"
 #include "tools/evaluation/stability/stability_run.hpp"
+#include "tools/evaluation/stability/stability_watch.hpp"
 
 namespace {
 
@@ -107,17 +110,37 @@ TEST(StabilityCase, FindsThatThePublishedInterpolationDiverges) {
   EXPECT_EQ(result.above_limit, 0u);
 }
 
-// Nor one that never says "growing": of these, on the edge of what a method as published can do, rounding decides
-// which.
-TEST(StabilityCase, FindsAnOscillationThatGrows) {
-  int growing = 0;
-  for (const std::uint64_t seed :
-       {10'020'564u, 10'020'571u, 10'023'178u, 10'023'561u, 10'026'997u, 10'028'226u, 10'031'379u}) {
-    const StabilityResult result = tools::run_case(tools::draw_case(seed), kSession, {});
-    EXPECT_EQ(result.outcome, StabilityOutcome::kDiverged) << seed << ": " << result.error;
-    growing += result.growing ? 1 : 0;
+/// What the watch of the sweep says of an oscillation of 0.1 N and 1 mm, 10 Hz, that grows by so much per second.
+StabilityResult watched(double growth_per_s) {
+  const tools::StabilityCase each;
+  const tools::WatchTimes times(each);
+  constexpr double kTick_s = 1e-3;
+  StabilityResult out;
+  tools::Watch watch(each, 7.9, kTick_s, out);
+  watch.begin_windows();
+  double since_s = 0.0;
+  while (since_s < times.watched_s) {
+    for (double window_s = 0.0; window_s < times.window_s; window_s += kTick_s, since_s += kTick_s) {
+      const double size = std::exp(growth_per_s * since_s) * std::sin(2.0 * std::numbers::pi * 10.0 * since_s);
+      rtbus::Telemetry tick{};
+      tick.force_n = {0.0, 0.1 * size, 0.0};
+      watch.tick(tick, {0.0, 1e-3 * size, 0.0}, 0.0, each.end_s() + since_s);
+    }
+    (void)watch.end_window();
   }
-  EXPECT_GE(growing, 1);
+  watch.judge(false);
+  return out;
+}
+
+// Nor one that never says "growing", nor one that always does.
+TEST(StabilityCase, TellsAnOscillationThatGrowsFromOneThatDoesNot) {
+  const StabilityResult grows = watched(0.1), steady = watched(0.0), fades = watched(-0.2);
+  EXPECT_TRUE(grows.growing);
+  EXPECT_EQ(grows.outcome, StabilityOutcome::kDiverged);
+  EXPECT_FALSE(steady.growing);
+  EXPECT_EQ(steady.outcome, StabilityOutcome::kDiverged);
+  EXPECT_FALSE(fades.growing);
+  EXPECT_EQ(fades.outcome, StabilityOutcome::kMoving);
 }
 
 TEST(StabilityCase, ReportsAStiffnessThatIsLowered) {
