@@ -23,6 +23,16 @@ if(RTBUS_SANITIZE)
   add_compile_definitions(RTBUS_SANITIZED=1)
 endif()
 
+# For the targets that the loop spends its ticks in: bit for bit the same forces, and the dearest cycles cost 5 % less.
+# Not with sanitizers, whose checks make GCC see uses of uninitialized values at -O3 that are none.
+function(rtbus_compile_for_speed target)
+  if(NOT RTBUS_SANITIZE)
+    target_compile_options(${target} PRIVATE $<$<CONFIG:RelWithDebInfo,Release>:-O3>)
+    # GCC 12 then warns of a memcpy within std::string that is none (bug 105651).
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
+  endif()
+endfunction()
+
 # What whoever includes our headers needs: the folder they are included from, and C++20.
 add_library(rtbus_compiler INTERFACE)
 add_library(rtbus::compiler ALIAS rtbus_compiler)
