@@ -62,7 +62,8 @@ void SoftWorld::before_dynamics(double h) {
   }
 }
 
-/// Hands and rigid bodies. A body that turns by 20 mrad moves by RestWatch::kWay_m at the end of kArm_m.
+/// Hands and rigid bodies, those that move by themselves too: they have no mass, which makes them static for Bullet as
+/// well. A body that turns by 20 mrad moves by RestWatch::kWay_m at the end of kArm_m.
 void SoftWorld::watch_rest(double h) {
   constexpr double kArm_m = 0.05;
   rest_.begin();
@@ -71,7 +72,7 @@ void SoftWorld::watch_rest(double h) {
     if (!proxies()[i]->released()) rest_.see(hand.target().hand_m);
   }
   for (const SceneBody& body : scene_bodies()) {
-    if (body.rigid->isStaticObject()) continue;
+    if (body.rigid->isStaticObject() && !body.rigid->isKinematicObject()) continue;
     const btTransform& pose = body.rigid->getWorldTransform();
     const Vector3d origin_m = from_bullet(pose.getOrigin(), scale());
     rest_.see(origin_m);

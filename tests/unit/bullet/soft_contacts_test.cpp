@@ -226,6 +226,24 @@ TEST(SoftContacts, ARigidBodyThatMovesIsNoRest) {
   EXPECT_EQ(rest(), 1.0) << "it lies";
 }
 
+TEST(SoftContacts, ABodyThatMovesByItselfIsNoRestEvenWhereItTurnsInItsPlace) {
+  const auto rest = [](const rtbus::config::BodyMotion& motion) {
+    Scene scene = soft_ball(true);
+    scene.bodies.push_back(body("plate", rtbus::shapes::Box{Vector3d(0.05, 0.005, 0.05)}, Vector3d(1, 0.1, 0)));
+    scene.bodies.back().type = rtbus::config::BodyType::kKinematic;
+    scene.bodies.back().motion = motion;
+    const auto world = with_placed_tool(scene, Vector3d(0, kAbove_m, 0));
+    press(*world, Vector3d(0, kAbove_m - 0.03, 0), 2.5);
+    physics::ToolReaction reaction;
+    world->tool_reaction(0, 0.1, 0.02, Vector3d::Zero(), reaction);
+    EXPECT_GT(reaction.count, 0U);
+    return reaction.rest;
+  };
+  EXPECT_EQ(rest(rtbus::config::SinusoidMotion{Vector3d::Zero(), 1.0, 0.0}), 1.0);
+  EXPECT_EQ(rest(rtbus::config::SinusoidMotion{Vector3d(0, 0.01, 0), 1.0, 0.0}), 0.0);
+  EXPECT_EQ(rest(rtbus::config::SpinMotion{Vector3d::UnitY(), 1.0, 0.1, 0.0}), 0.0);
+}
+
 TEST(SoftContacts, TellWhatTheToolBearsAtRest) {
   const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
   const Vector3d at(0, settle(*world, kAbove_m) - 0.006, 0);
