@@ -32,6 +32,8 @@ constexpr double kRestRadius_m = 0.2e-3;
 constexpr double kRest_s = 0.2;
 /// … at this rate, too slowly to be felt as a push.
 constexpr double kRefill_n_per_s = 0.5;
+/// … and by so many times its force in all. What an oscillation takes out meanwhile must not feed it for ever.
+constexpr double kMostRefill = 2.0;
 /// A sample that comes later than this (and than kPausePeriods) finds the hand farther on, at 50 mm/s by 0.2 mm. What
 /// it went meanwhile must not be a step of the force …
 constexpr double kLate_s = 4e-3;
@@ -232,8 +234,12 @@ void SafetyLadder::fill_resting_spring(const SafetyInput& input, const Eigen::Ve
   if (filling_ && slow) filling_ = !passivity_.grant_in_steps(whole_n, whole_n * input.dt_s / kFill_s);
   if (!short_ || rested_s_ < kRest_s) return;
   // What comes back may be little at first: the proxy was at the hand.
-  const bool whole = passivity_.grant_in_steps(whole_n, kRefill_n_per_s * input.dt_s);
-  short_ = !whole || returned_s_ < kReturn_s;
+  const double step_n = kRefill_n_per_s * input.dt_s;
+  filled_n_ += step_n;
+  const bool whole = passivity_.grant_in_steps(whole_n, step_n);
+  if ((!whole && filled_n_ < kMostRefill * whole_n) || returned_s_ < kReturn_s) return;
+  short_ = false;
+  filled_n_ = 0.0;
 }
 
 Eigen::Vector3d SafetyLadder::follow_extra(const SafetyInput& input) noexcept {

@@ -172,6 +172,7 @@ class SafetyLadder {
   bool opened_ = false;          ///< The gate has been open once: what comes is a return.
   double returned_s_ = 1e9;      ///< Time since the last ramp of a return; none yet: long ago.
   bool short_ = false;           ///< A pause or a loss has cost the observer energy, and no hand has rested since.
+  double filled_n_ = 0.0;        ///< So far the spring of a resting hand has been filled.
   std::uint64_t slewed_ns_ = 0;  ///< Time of the sample that the slew limit saw last.
   bool catches_up_ = false;      ///< A sample came late: the force grows slowly until it is where it should be.
   Eigen::Vector3d rest_m_ = Eigen::Vector3d::Zero();  ///< Where the hand rests, if it does …

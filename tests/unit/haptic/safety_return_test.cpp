@@ -249,6 +249,32 @@ TEST(SafetyLadder, IsNoReturnAnyMoreAFewTenthsLater) {
   EXPECT_NEAR(step(*wall.ladder, input).force_n.y(), 2.92, 0.01) << "3 N per ms, as always";
 }
 
+// A stiff spring that is filled moves the tip by a step of the encoder, which takes out all that was granted; the tip
+// falls back, and the spring is filled again. Seeds of `evaluate stability` did so for ever, by 0.2 N in each 0.4 s.
+TEST(SafetyLadder, FillsNoSpringForEver) {
+  constexpr double kStiffness_n_per_m = 8000.0, kStep_m = 0.09e-3, kHolds_n = 0.15;
+  SafetyConfig config = desktop();
+  config.stiffness_n_per_m = config.passivity.stiffness_n_per_m = kStiffness_n_per_m;
+  SafetyLadder ladder = opened(config);
+  SafetyInput input = healthy(Eigen::Vector3d(0, 5.0, 0));
+  input.link_alive = false;
+  for (int k = 0; k < 200; ++k) (void)step(ladder, input);
+  input.link_alive = true;
+  int early = 0, late = 0;
+  for (int k = 0; k < 40'000; ++k) {
+    if (step(ladder, input).force_n.y() < kHolds_n) continue;
+    input.position_m.y() = kStep_m;
+    (void)step(ladder, input);
+    SafetyInput back = input;  // the method lets it
+    back.force_n.setZero();
+    for (int i = 0; i < 5; ++i) (void)step(ladder, back);
+    input.position_m.y() = 0.0;
+    ++(k < 20'000 ? early : late);
+  }
+  EXPECT_GT(early, 10);
+  EXPECT_EQ(late, 0);
+}
+
 TEST(SafetyLadder, FillsNoSpringWithoutAPause) {
   Wall wall;
   double last_n = 0.0;
