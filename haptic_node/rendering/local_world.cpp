@@ -24,6 +24,8 @@ constexpr int kNetworkParts = 64;
 
 /// The change of the force by an answer is eased in for a period at most, or as long as bodies need to come to rest.
 constexpr double kEasesFloors = 3.0, kLongestEase_s = 0.1;
+/// 0.1 N in a tick of 1 ms is no jump.
+constexpr double kFastest_n_per_s = 100.0;
 
 /// Spring and damper over a step of `h`.
 double lag_of(const LocalSpring& spring, double h) noexcept {
@@ -335,21 +337,22 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
 }
 
 /// The force goes from what it would have been without the answer to what it is with it, no faster than a surface that
-/// rises at Tuning::recovery_m_s would change it. What would take longer than ease_s_ comes at once.
+/// rises at Tuning::recovery_m_s would change it. What would take longer than ease_s_ goes down to that with 1/ease_s_.
+/// What then comes faster than kFastest_n_per_s comes at once: an answer that changes so much makes no sense.
 void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
   const double slope_n_per_s = tuning_.recovery_m_s * spring.stiffness_n_per_m;
-  const auto shorten = [this](double by_n, double most_n) {
-    const double size_n = eased_n_.norm();
+  const double most_n = std::max(slope_n_per_s, kFastest_n_per_s) * ease_s_;
+  const auto shorten = [&] {
+    const double size_n = eased_n_.norm(), by_n = h * std::max(slope_n_per_s, std::min(size_n, most_n) / ease_s_);
     eased_n_ =
         size_n > by_n ? Vector3d(std::min(size_n - by_n, most_n) / size_n * eased_n_) : Vector3d(Vector3d::Zero());
   };
-  const double most_n = slope_n_per_s * ease_s_;
-  if (!eased_n_.isZero(0.0)) shorten(slope_n_per_s * h, most_n);
+  if (!eased_n_.isZero(0.0)) shorten();
   if (foreseen_n_s_) {
     eased_n_ += (*foreseen_n_s_ - impulse_n_s_) / h;
     foreseen_n_s_.reset();
     if (!eased_n_.allFinite()) eased_n_.setZero();
-    shorten(slope_n_per_s * h, most_n);
+    shorten();
   }
   if (!eased_n_.isZero(0.0)) impulse_n_s_ += h * eased_n_;
 }

@@ -78,6 +78,29 @@ TEST_F(AnswerChange, IsEasedInNoFasterThanASurfaceRises) {
   EXPECT_EQ(eased_n, last_n) << "nothing of it is left";
 }
 
+// On a soft coupling 4 N take longer than a period to be eased in like a rising surface. Those of a cube that broke
+// away from under the hand came as a step of 0.7 N.
+TEST_F(AnswerChange, ALargeOneOnASoftCouplingIsNoStep) {
+  tests::HeldWorld soft(200.0, kDamping);
+  const Vector3d hand_m(kRadius_m - 20e-3, 0, 0);
+  soft.world->reset({kRadius_m, 0, 0});
+  soft.world->take(wall(0.0, soft.now_ns), soft.now_ns);
+  for (int i = 0; i < 20; ++i) soft.tick(hand_m);
+  Vector3d last_n = soft.tick(hand_m);
+  ASSERT_NEAR(last_n.x(), 4.0, 1e-6);
+  const LocalSpring spring{hand_m, Vector3d::Zero(), 200.0, kDamping};
+  LocalWorld at_once = *soft.world;
+  soft.world->foresee(spring, soft.now_ns + rtbus::kNsPerMs, kTick_s);
+  for (LocalWorld* each : {soft.world.get(), &at_once}) each->take(wall(0.9, soft.now_ns), soft.now_ns);
+  for (int i = 0; i < 150; ++i) {
+    const Vector3d now_n = soft.tick(hand_m);
+    EXPECT_LE((now_n - last_n).norm(), 0.1) << "tick " << i;
+    last_n = now_n;
+    at_once.advance(spring, soft.now_ns, kTick_s);
+  }
+  EXPECT_EQ(last_n, at_once.impulse_n_s() / kTick_s) << "nothing of it is left";
+}
+
 TEST_F(AnswerChange, ASmallOneIsAsItWas) {
   const Vector3d hand_m(kRadius_m - 4e-3, 0, 0);
   world->reset({kRadius_m, 0, 0});
