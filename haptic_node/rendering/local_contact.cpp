@@ -34,7 +34,7 @@ RenderOutput LocalContact::render(const RenderInput& input) noexcept {
   step_s_ = std::clamp(elapsed_s, 0.5 * input.dt_s, kLongestStep * input.dt_s);
   const double to_world = mapping_.config().gain_to_world();
   const LocalSpring spring{tip_W, mapping_.velocity_to_world(input.velocity_m_s), stiffness_n_per_m_ * to_world,
-                           damping_n_s_per_m_ * to_world};
+                           damping_n_s_per_m_ * to_world, mapping_.config().force_scale};
   if (input.contacts != nullptr) {
     world_.foresee(spring, input.sample_time_ns, step_s_);
     world_.take(*input.contacts, input.sample_time_ns);

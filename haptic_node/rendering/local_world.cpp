@@ -24,7 +24,7 @@ constexpr int kNetworkParts = 64;
 
 /// The change of the force by an answer is eased in for a period at most, or as long as bodies need to come to rest.
 constexpr double kEasesFloors = 3.0, kLongestEase_s = 0.1;
-/// 0.1 N in a tick of 1 ms is no jump.
+/// At the device: 0.1 N in a tick of 1 ms is no jump.
 constexpr double kFastest_n_per_s = 100.0;
 
 /// Spring and damper over a step of `h`.
@@ -337,11 +337,11 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
 }
 
 /// The force goes from what it would have been without the answer to what it is with it, no faster than a surface that
-/// rises at Tuning::recovery_m_s would change it. What would take longer than ease_s_ goes down to that with 1/ease_s_.
-/// What then comes faster than kFastest_n_per_s comes at once: an answer that changes so much makes no sense.
+/// rises at Tuning::recovery_m_s would change it. What would take longer than ease_s_ decays to that with this
+/// time constant. What that would bring faster than kFastest_n_per_s comes at once: such a change makes no sense.
 void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
   const double slope_n_per_s = tuning_.recovery_m_s * spring.stiffness_n_per_m;
-  const double most_n = std::max(slope_n_per_s, kFastest_n_per_s) * ease_s_;
+  const double most_n = std::max(slope_n_per_s, kFastest_n_per_s * spring.force_scale) * ease_s_;
   const auto shorten = [&] {
     const double size_n = eased_n_.norm(), by_n = h * std::max(slope_n_per_s, std::min(size_n, most_n) / ease_s_);
     eased_n_ =

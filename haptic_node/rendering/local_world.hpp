@@ -33,6 +33,7 @@ struct LocalSpring {
   Eigen::Vector3d goal_velocity_m_s = Eigen::Vector3d::Zero();
   double stiffness_n_per_m = 0.0;
   double damping_n_s_per_m = 0.0;
+  double force_scale = 1.0;  ///< As MappingConfig::force_scale.
 };
 
 /// One instant of the local world belongs to one device sample; a step leads from the sample before to this one.

@@ -27,6 +27,21 @@ struct Wall {
     input.position_m = {0.0, height_m, 0.0};
     return step(*ladder, input, ticks);
   }
+  /// The same, where the spring ends at the proxy of physics: no ramp fills it.
+  void end_at_physics() {
+    config.passivity.counts_world_work = true;
+    ladder.emplace(config);
+    for (int k = 0; k < 1000; ++k) (void)at(0.0);
+  }
+  /// The link is lost for 200 ms, and the hand has come 4.8 mm deep. @returns what it meets when the link is back.
+  SafetyInput lose_link() {
+    SafetyInput input = healthy({0.0, 1.92, 0.0});
+    input.position_m = {0.0, -0.0048, 0.0};
+    input.link_alive = false;
+    for (int k = 0; k < 200; ++k) (void)step(*ladder, input);
+    input.link_alive = true;
+    return input;
+  }
   SafetyConfig config = desktop();
   std::optional<SafetyLadder> ladder;
 };
@@ -157,21 +172,14 @@ TEST(SafetyLadder, GivesAHandThatMovesOnlyWhatItSupplies) {
   EXPECT_LT(most_n, 1.0) << "of 1.9 N that the spring would ask for";
 }
 
-// Where the spring ends at the proxy of physics, no ramp fills it. The hand rests in the wall, and nobody supplies
-// more.
+// The hand rests in the wall, and nobody supplies more.
 TEST(SafetyLadder, FillsTheSpringOfARestingHandSlowlyAfterALoss) {
   Wall wall;
-  wall.config.passivity.counts_world_work = true;
-  wall.ladder.emplace(wall.config);
-  for (int k = 0; k < 1000; ++k) (void)wall.at(0.0);
-  SafetyInput lost = healthy({0.0, 1.92, 0.0});
-  lost.position_m = {0.0, -0.0048, 0.0};
-  lost.link_alive = false;
-  for (int k = 0; k < 200; ++k) (void)step(*wall.ladder, lost);
+  wall.end_at_physics();
+  SafetyInput input = wall.lose_link();
   double last_n = 0.0, fastest_n = 0.0;
   for (int k = 0; k < 5000; ++k) {
-    SafetyInput input = healthy({0.0, std::min(1.92, 0.006 * k), 0.0});  // the proxy, once at the hand, is let out
-    input.position_m = {0.0, -0.0048, 0.0};
+    input.force_n.y() = std::min(1.92, 0.006 * k);  // the proxy, once at the hand, is let out
     const double now_n = step(*wall.ladder, input).force_n.y();
     fastest_n = std::max(fastest_n, now_n - last_n);
     if (k == 100) {
@@ -186,14 +194,8 @@ TEST(SafetyLadder, FillsTheSpringOfARestingHandSlowlyAfterALoss) {
 // What is owed comes in steps as well: an energy deficit holds the force at zero, and is no step when it is paid.
 TEST(SafetyLadder, FillsTheSpringWithoutAStepWhereEnergyIsOwed) {
   Wall wall;
-  wall.config.passivity.counts_world_work = true;
-  wall.ladder.emplace(wall.config);
-  for (int k = 0; k < 1000; ++k) (void)wall.at(0.0);
-  SafetyInput input = healthy({0.0, 1.92, 0.0});
-  input.position_m = {0.0, -0.0048, 0.0};
-  input.link_alive = false;
-  for (int k = 0; k < 200; ++k) (void)step(*wall.ladder, input);
-  input.link_alive = true;
+  wall.end_at_physics();
+  SafetyInput input = wall.lose_link();
   // The tip is pushed out by 0.6 mm in the ramp, which takes more than it has put in, and comes to rest there.
   for (int k = 0; k < 150; ++k) {
     input.position_m.y() += 0.004e-3;
@@ -216,12 +218,7 @@ class Return : public testing::TestWithParam<int> {};
 
 TEST_P(Return, MakesNoStepAlsoWhereTheEnergyComesAfterTheRamp) {
   Wall wall;
-  SafetyInput lost = healthy({0.0, 1.92, 0.0});
-  lost.position_m = {0.0, -0.0048, 0.0};
-  lost.link_alive = false;
-  for (int k = 0; k < 200; ++k) (void)step(*wall.ladder, lost);
-  SafetyInput back = lost;
-  back.link_alive = true;
+  SafetyInput back = wall.lose_link();
   back.velocity_m_s = {0.0, -0.02, 0.0};
   double last_n = 0.0, fastest_n = 0.0;
   for (int k = 0; k < GetParam() + 150; ++k) {
@@ -238,11 +235,7 @@ INSTANTIATE_TEST_SUITE_P(Ticks, Return, testing::Values(150, 395, 405));
 
 TEST(SafetyLadder, IsNoReturnAnyMoreAFewTenthsLater) {
   Wall wall;
-  SafetyInput input = healthy({0.0, 1.92, 0.0});
-  input.position_m = {0.0, -0.0048, 0.0};
-  input.link_alive = false;
-  for (int k = 0; k < 200; ++k) (void)step(*wall.ladder, input);
-  input.link_alive = true;
+  SafetyInput input = wall.lose_link();
   input.world_work_j = 5e-3;
   for (int k = 0; k < 800; ++k) (void)step(*wall.ladder, input);
   input.force_n.y() = 2.92;
