@@ -16,9 +16,11 @@ struct Blend {
   [[nodiscard]] static Blend of(const Tuning& tuning, double step_s) noexcept {
     return {std::max(tuning.blend_floor_s, tuning.blend_periods * step_s)};
   }
-  /// What an answer changes in the force of what yields, which no surface brings in.
-  [[nodiscard]] static Blend of_yielding(const Tuning& tuning, double step_s) noexcept {
-    return {std::max(tuning.blend_floor_s, tuning.yielding_blend_periods * step_s)};
+  /// What an answer changes in the force of what yields, which no surface brings in. What a light body rattles is
+  /// averaged where the hand rests.
+  [[nodiscard]] static Blend of_yielding(const Tuning& tuning, double step_s, bool hand_rests) noexcept {
+    const double least_s = hand_rests ? tuning.resting_blend_s() : tuning.blend_floor_s;
+    return {std::max(least_s, tuning.yielding_blend_periods * step_s)};
   }
   /// What an answer moves in a pile is a prediction put right.
   [[nodiscard]] static Blend of_pile(const Tuning& tuning, double step_s) noexcept {

@@ -62,6 +62,9 @@ class FreeBody {
   /// Its mass, if that is so little beside the proxy's in a tick that the spring alone makes them swing; else 0.
   [[nodiscard]] double light_kg(double proxy_kg) const noexcept;
 
+  /// Lies with its corners on faces that are known, and may tip on them.
+  [[nodiscard]] bool lies() const noexcept { return lies_; }
+
   /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
 

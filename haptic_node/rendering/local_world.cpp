@@ -60,6 +60,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   good_until_ns_ = 0;
   clock_.forget();
   light_kg_ = 0.0;
+  swing_.forget();
 }
 
 /// A body of a pile, which no single impulse moves, feels other hands through physics alone.
@@ -106,7 +107,8 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
     if (body.used && !body.named && !contacts_.any_of(slot)) free_slot(slot);
   }
   if (answer.yields == 0 && !yielding_.near()) return;
-  const auto yields_m = yielding_.take(answer, proxy_.position_m, now_ns, Blend::of_yielding(tuning_, answer.step_s));
+  const auto yields_m =
+      yielding_.take(answer, proxy_.position_m, now_ns, Blend::of_yielding(tuning_, answer.step_s, hand_rests()));
   if (yields_m) correction_m_ = std::max(correction_m_.value_or(0.0), *yields_m);
   if (yielding_.near() && yielding_place_ == HandImpulses::kPlaces) {
     yielding_place_ = impulses_.hold(rtbus::kYieldingBodies);
@@ -266,6 +268,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   }
   contacts_.blend(bodies_, h);
   if (solve(spring, h) > 0) give_impulses();
+  watch_swing();
   ease(spring, h);
   if (yielding_.felt()) {
     calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
@@ -299,8 +302,41 @@ void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 }
 
-/// A second time where the proxy comes around an edge within the step. @returns rows.
+/// @returns rows.
 std::size_t LocalWorld::solve(const LocalSpring& spring, double h) noexcept {
+  const std::size_t rows = solve_around_edges(spring, h);
+  for (std::size_t i = 0; i < solved_contacts_; ++i) {
+    SolverBody* const body = swinging_body(i);
+    if (body == nullptr) continue;
+    const Vector3d more_n_s = swing_.more_n_s(rows_[i]);
+    rows_[i].impulse_n_s += more_n_s;
+    body->velocity_m_s -= body->inverse_mass_per_kg * more_n_s;
+    body->angular_velocity_rad_s -= body->inverse_inertia_per_kg_m2 * rows_[i].from_b_m.cross(more_n_s);
+  }
+  return rows;
+}
+
+void LocalWorld::watch_swing() noexcept {
+  for (std::size_t i = 0; i < solved_contacts_; ++i) {
+    const SolverContact& row = rows_[i];
+    if (const SolverBody* const body = swinging_body(i)) {
+      const Vector3d surface_m_s = body->velocity_m_s + body->angular_velocity_rad_s.cross(row.from_b_m);
+      swing_.see(row, surface_m_s - hand_m_s_);
+    } else {
+      swing_.see(row);
+    }
+  }
+  swing_.follow(hand_rests());
+}
+
+SolverBody* LocalWorld::swinging_body(std::size_t row) noexcept {
+  const auto* const free = bodies_[contacts_.of_row(row).body].as<FreeBody>();
+  return free != nullptr && free->lies() && rows_[row].b >= 0 ? &solver_bodies_[static_cast<std::size_t>(rows_[row].b)]
+                                                              : nullptr;
+}
+
+/// A second time where the proxy comes around an edge within the step. @returns rows.
+std::size_t LocalWorld::solve_around_edges(const LocalSpring& spring, double h) noexcept {
   pull_proxy(spring, h);
   const Vector3d free_way_m = h * solver_bodies_[0].velocity_m_s;
   const std::size_t rows = solve_once(h, false);

@@ -386,7 +386,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;
     const bool past = !contact.felt() && contact.gap_m < -behind_m(proxy) - std::abs(way_m);
-    if (count == kSolved || past || contact.gap_m > way_m + tuning_.reach_m) {
+    if (count == kSolved || past || contact.gap_m > way_m + tuning_.reach_m()) {
       contact.impulse_n_s.setZero();
       continue;
     }

@@ -15,9 +15,9 @@ struct Tuning {
   double slow_blend_periods = 2.4;
   double noise_s = 0.03;
   double recovery_m_s = 0.2;
-  double reach_m = 0.2e-3;
   double least_proxy_m = 0.25e-3;
   double support_softness = 0.02;
+  double swing_share = 0.01;
   double pile_own_speed_m_s = 5e-3;
   double pile_mobility_s = 0.2e-3;
   double sweeps = 12.0;
@@ -34,10 +34,16 @@ struct Tuning {
   [[nodiscard]] constexpr double history_periods() const noexcept { return good_periods + 1.0; }
   /// As long as anything is remembered, and then as long as an answer is good.
   [[nodiscard]] constexpr double way_out_periods() const noexcept { return history_periods() + good_periods; }
+  /// Contacts that the proxy misses by more take no part in a step: others push it by less in one tick of 1 ms.
+  [[nodiscard]] constexpr double reach_m() const noexcept { return recovery_m_s * 1e-3; }
+  /// A hand that is slower rests: no faster than a pile that slips under it.
+  [[nodiscard]] constexpr double resting_hand_m_s() const noexcept { return pile_own_speed_m_s; }
   /// A proxy without a size is deep in a body from here on.
   [[nodiscard]] constexpr double deep_m() const noexcept { return 4.0 * least_proxy_m; }
   /// What rests wavers more slowly than what is noise in a moving hand.
   [[nodiscard]] constexpr double resting_mean_s() const noexcept { return 10.0 * noise_s; }
+  /// What answers change in it under a hand at rest is brought in three times as fast.
+  [[nodiscard]] constexpr double resting_blend_s() const noexcept { return resting_mean_s() / 3.0; }
   [[nodiscard]] constexpr int most_sweeps() const noexcept { return static_cast<int>(sweeps); }
   [[nodiscard]] constexpr int fewest_sweeps() const noexcept { return static_cast<int>(sweeps) / 3; }
 };
@@ -70,13 +76,14 @@ inline constexpr std::array<TunedValue, 20> kTunedValues{{
     {"recovery_m_s", &Tuning::recovery_m_s, 0.1, 0.3, "m/s",
      "a surface comes at the hand no faster than that by blending; at least so far it is looked for surfaces",
      "decision 0008, Nothing jumps"},
-    {"reach_m", &Tuning::reach_m, 0.1e-3, 0.5e-3, "m",
-     "contacts that the proxy misses by more take no part in a step: what others push it by in one tick is less",
-     "a surface that comes at 0.2 m/s goes that far in a tick of 1 ms"},
     {"least_proxy_m", &Tuning::least_proxy_m, 0.1e-3, 0.5e-3, "m",
      "a smaller proxy is held by planes as they are told: ten steps of an encoder of 23 um", "decision 0008, meshes"},
     {"support_softness", &Tuning::support_softness, 0.005, 0.1, "1 (of the body's inverse mass)",
      "supports that face each other must not contradict each other", "decision 0008, Rejected"},
+    {"swing_share", &Tuning::swing_share, 0.008, 0.02, "1 (of the force)",
+     "a body that swings under a hand at rest is braked by no more than that; without it boxes on an edge swing for "
+     "ever",
+     "decision 0008, What swings under a hand that rests"},
     {"pile_own_speed_m_s", &Tuning::pile_own_speed_m_s, 2e-3, 10e-3, "m/s",
      "a speed of a pile that the hand does not share is a slip that is over by the time it is told",
      "decision 0008, Piles"},

@@ -93,6 +93,7 @@ Harness::Harness(rtbus::config::SessionConfig& session, const HarnessOptions& op
     settings.safety.passivity.control = settings.safety.passivity.control && options.passivity;
     settings.safety.passivity.bounds = options.energy_bound;
     settings.safety.passivity.damps = options.energy_damper;
+    if (!options.knows_shapes) settings.known.clear();
     if (options.network.exists()) {
       haptic::put_across_network(settings, longest_round_trip_s(options.network));
       if (!options.echo_lag) settings.set_point_delay_s = 0.0;

@@ -36,9 +36,10 @@ struct HarnessOptions {
   bool energy_bound = true;         ///< False: the controller's damper alone, likewise.
   bool energy_damper = true;        ///< False: the bound of the force alone, likewise.
   bool echo_lag = true;             ///< False: over a network the set-point does not lag (echo.hpp), likewise.
-  bool measure_cost = false;        ///< Look at the real clock around each cycle and step. Changes no result.
-  double jitter_s = 0.0;            ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
-  double lost_share = 0.0;          ///< Of the states of the hand, and of the answers, that never arrive.
+  bool knows_shapes = true;     ///< False: no loop knows the shapes of the scene; planes of physics alone, likewise.
+  bool measure_cost = false;    ///< Look at the real clock around each cycle and step. Changes no result.
+  double jitter_s = 0.0;        ///< Each answer comes later by 0…this besides, drawn evenly; never out of order.
+  double lost_share = 0.0;      ///< Of the states of the hand, and of the answers, that never arrive.
   double loop_stops_s = -1.0;   ///< The loop stands still from then on (a pause of the machine); negative: never …
   double loop_pause_s = 0.0;    ///< … for so long.
   std::uint64_t link_seed = 1;  ///< Of jitter and losses: one seed, one run.

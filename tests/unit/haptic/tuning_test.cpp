@@ -283,7 +283,8 @@ Figures blends_fast_answers(const Tuning& tuning) {
   return Figures{}.within("left", step.left, 0.0, 0.1).within("largest", step.largest, 0.0, 0.2);
 }
 
-/// What yields bears 0.1 N more: `kDue_n` of it is the hand's, which gives way by the rest.
+/// What yields bears 0.1 N more: `kDue_n` of it is the hand's, which gives way by the rest. The hand moves along it:
+/// one that rests feels the change later.
 Figures blends_what_yields(const Tuning& tuning) {
   constexpr double kSoft_n_per_m = 100.0, kTool_m = -1e-3, kBefore_n = 0.4, kMore_n = 0.1;
   constexpr double kHand_m = kTool_m - kBefore_n / kK, kDue_n = kMore_n * kK / (kK + kSoft_n_per_m);
@@ -291,10 +292,11 @@ Figures blends_what_yields(const Tuning& tuning) {
   scene.damping_n_s_per_m = 0.0;
   scene.take(yields_at(kTool_m, kBefore_n, kSoft_n_per_m));
   double before_n = 0.0, largest_n = 0.0;
-  for (int i = 0; i < 100; ++i) before_n = scene.tick(kHand_m);
+  const auto tick = [&] { return scene.tick({kHand_m, 0, 0}, {0, 0.02, 0}).x(); };
+  for (int i = 0; i < 100; ++i) before_n = tick();
   scene.take(yields_at(kTool_m, kBefore_n + kMore_n, kSoft_n_per_m));
   for (int i = 0; i < 50; ++i) {
-    const double force_n = scene.tick(kHand_m);
+    const double force_n = tick();
     largest_n = std::max(largest_n, std::abs(force_n - before_n));
     before_n = force_n;
   }
@@ -331,6 +333,34 @@ Figures comes_out_of_a_wall(const Tuning& tuning) {
     ++ticks;
   }
   return Figures{}.within("ticks", ticks, 0, 100).within("fastest m/s", fastest_m_s, 0.0, 0.35);
+}
+
+/// A box on a smooth floor leans on a hand that rests, and swings on a spring without a damper. What brakes it is no
+/// push of its own.
+Figures a_swing_ends(const Tuning& tuning) {
+  constexpr double kLeans_n = 0.5, kHand_m = -1.2e-3;
+  using rtbus::shapes::Box;
+  const Vector3d floor_m(0, -0.02, 0);
+  Scene scene(tuning, {{Box{Vector3d(0.01, 0.01, 0.01)}, 0, false},
+                       {Box{Vector3d(0.5, 0.01, 0.5)}, 1, true, Eigen::Quaterniond::Identity(), floor_m}});
+  scene.damping_n_s_per_m = 0.0;
+  ProxyContacts told = block_at(0.0, 4, 10.0, 1.0);
+  told.support_friction[0] = told.body_friction_bound_n[0] = 0.0;
+  told.body_orientation_wxyz[0] = {1, 0, 0, 0};
+  told.body_inverse_inertia_per_kg_m2[0] = {1e5, 0, 0, 1e5, 0, 1e5};
+  told.body_external_force_n[0] = {kLeans_n, 0, 0};
+  scene.take(told);
+  double swings_n = 0.0, left_n = 0.0, brakes = 0.0;
+  for (int i = 0; i < 1200; ++i) {
+    const double force_n = scene.tick(kHand_m), spring_n = kK * (scene.world->position_m().x() - kHand_m);
+    brakes = std::max(brakes, std::abs(force_n - spring_n) / spring_n);
+    if (i < 100) swings_n = std::max(swings_n, std::abs(force_n - kLeans_n));
+    if (i >= 1100) left_n = std::max(left_n, std::abs(force_n - kLeans_n));
+  }
+  return Figures{}
+      .within("swings N", swings_n, 0.05, 0.15)
+      .within("left N", left_n, 0.0, 5e-3)
+      .within("brakes, of the force", brakes, 0.0, 0.05);
 }
 
 /// A plate that comes at 0.2 m/s pushes a proxy at rest into a wall that it has missed by a little.
@@ -532,9 +562,9 @@ const std::vector<Behaviour>& behaviours() {
       {"slow_blend_periods", &blends_what_rocks_slowly, {0.7, 6.0}},
       {"noise_s", &averages_what_rocks, {0.01, 0.1}},
       {"recovery_m_s", &comes_out_of_a_wall, {0.05, 0.6}},
-      {"reach_m", &is_not_squeezed_through, {0.0}},
       {"least_proxy_m", &small_proxies_meet_planes, {0.02e-3, 1e-3}},
       {"support_softness", &facing_supports_agree, {}},
+      {"swing_share", &a_swing_ends, {0.0, 0.2}},
       {"pile_own_speed_m_s", &a_slip_is_over, {40e-3}},
       {"pile_mobility_s", &a_pile_gives_way, {0.05e-3, 0.8e-3}},
       {"sweeps", &block_slides, {}},
@@ -588,6 +618,7 @@ TEST_P(TunedValueTest, LiesInItsRangeAndWorksAtBothEnds) {
     EXPECT_TRUE(testing::AssertionResult(edge_is_followed(tuning)));
     EXPECT_TRUE(testing::AssertionResult(soft_settles(tuning)));
     EXPECT_TRUE(testing::AssertionResult(pile_bears(tuning)));
+    EXPECT_TRUE(testing::AssertionResult(is_not_squeezed_through(tuning)));
   }
 }
 
@@ -616,6 +647,13 @@ TEST(Tuning, HasAtMostTwentyValuesEachWithItsTestAndItsReason) {
     const auto same = [&](const Behaviour& row) { return row.name == each.name; };
     EXPECT_EQ(std::count_if(behaviours().begin(), behaviours().end(), same), 1) << each.name;
   }
+}
+
+TEST(Tuning, LooksForContactsAsFarAsASurfaceComesInATick) {
+  Tuning none;
+  none.recovery_m_s = 0.0;
+  EXPECT_EQ(none.reach_m(), 0.0);
+  EXPECT_FALSE(testing::AssertionResult(is_not_squeezed_through(none)));
 }
 
 }  // namespace tuning_test

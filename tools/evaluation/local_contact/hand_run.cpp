@@ -9,12 +9,13 @@
 namespace tools {
 
 HandRun run_hand(const LocalContactOptions& options, const std::string& session_file,
-                 const std::vector<std::string>& settings, double duration_s, std::optional<std::size_t> body) {
+                 const std::vector<std::string>& settings, double duration_s, std::optional<std::size_t> body,
+                 bool knows_shapes) {
   std::vector<rtbus::config::Override> overrides;
   for (const std::string& text : settings) overrides.push_back(rtbus::config::parse_override(text));
   for (const std::string& text : options.assignments) overrides.push_back(rtbus::config::parse_override(text));
   auto session = rtbus::config::load_session(session_file, overrides);
-  Harness harness(session, {.measure_cost = true});
+  Harness harness(session, {.knows_shapes = knows_shapes, .measure_cost = true});
   const auto every = static_cast<std::uint64_t>(std::llround(harness.config().rate_hz / 1000.0));
   HandRun out;
   harness.run(duration_s, [&](const rtbus::Telemetry& tick) {

@@ -21,10 +21,10 @@ struct HandRun {
 };
 
 /// @param session_file Path. @param settings As for --set; those of the user come last. @param body Watched: its place
-/// in the scene.
+/// in the scene. @param knows_shapes As HarnessOptions::knows_shapes.
 [[nodiscard]] HandRun run_hand(const LocalContactOptions& options, const std::string& session_file,
                                const std::vector<std::string>& settings, double duration_s,
-                               std::optional<std::size_t> body = std::nullopt);
+                               std::optional<std::size_t> body = std::nullopt, bool knows_shapes = true);
 
 struct HandError {
   double rms_n = 0.0, peak_n = 0.0;

@@ -25,6 +25,7 @@ constexpr Look kLooks[] = {
     {"interpolation", "pt 9 lc rgb '#c45a00'"},
     {"interpolation_predicted", "pt 8 lc rgb '#a0308a'"},
     {"local_contact", "pt 13 lc rgb '#1b7a35'"},
+    {kPlanesAlone, "pt 12 lc rgb '#8fbf6f'"},
 };
 
 void write_line(const std::filesystem::path& file, const PanelLine& line) {
