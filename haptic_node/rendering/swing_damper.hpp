@@ -35,7 +35,7 @@ class SwingDamper {
 
   /// After all rows of a step. @param rests The hand does.
   void follow(bool rests) noexcept {
-    const double now = rests && size_ > 0.0 ? sum_ / size_ : 0.0;
+    const double now = rests && size_ > 0.0 && std::isfinite(sum_) ? sum_ / size_ : 0.0;
     swing_ -= std::expm1(-1.0 / kFollows) * (now - swing_);
     size_ = sum_ = 0.0;
   }

@@ -53,6 +53,14 @@ TEST(SwingDamper, LeavesAHandThatMovesAlone) {
   EXPECT_NEAR(more_n(damper, 0.5, 0.2, false), 0.0, 1e-8) << "and lets go of one that begins to";
 }
 
+TEST(SwingDamper, ForgetsAStepThatMadeNoSense) {
+  SwingDamper damper{Tuning{}};
+  for (const double wild_m_s : {std::nan(""), -HUGE_VAL}) {
+    (void)more_n(damper, wild_m_s, kH);
+    EXPECT_NEAR(more_n(damper, 0.5, 0.2), kShare, 1e-6);
+  }
+}
+
 TEST(SwingDamper, CountsWhatTheHandBearsOnAWallBeside) {
   SwingDamper damper{Tuning{}};
   const SolverContact row = pushed(1.0 * kH);
