@@ -135,10 +135,10 @@ class LocalWorld {
   bool networked_ = false;       ///< The last answer came over a network.
   double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
   double proxy_kg_ = 0.0;        ///< In a tick: h(hK + B), as asked for.
-  SwingDamper swing_{tuning_};
-  double light_kg_ = 0.0;       ///< The heaviest of the light bodies that were touched in the last step.
-  std::uint64_t now_ns_ = 0;    ///< The bodies are there.
-  std::uint64_t begun_ns_ = 0;  ///< This tick has begun.
+  SwingDamper swing_{tuning_};   ///< Of boxes and hulls that may tip.
+  double light_kg_ = 0.0;        ///< The heaviest of the light bodies that were touched in the last step.
+  std::uint64_t now_ns_ = 0;     ///< The bodies are there.
+  std::uint64_t begun_ns_ = 0;   ///< This tick has begun.
   std::optional<double> correction_m_;
   double tick_s_ = 1e-3;  ///< Of the last step.
 

@@ -11,8 +11,8 @@
 
 namespace haptic {
 
-/// A box on its edge is an oscillator on the spring of the hand. Where the coupling has no damping nothing ends its
-/// swing. So while the hand rests, a contact pushes more as the body comes, and less as it goes:
+/// A box or a hull on its edge is an oscillator on the spring of the hand. Where the coupling has no damping nothing
+/// ends its swing. So while the hand rests, a contact pushes more as the body comes, and less as it goes:
 ///
 ///   F = (1 + share · s) · F_solved,     s from −1 (goes) to 1 (comes).
 ///
@@ -51,8 +51,8 @@ class SwingDamper {
   /// In so many ticks it follows, so that no answer is a step. A box that is met at its shape swings once in 28 ticks
   /// at most, on its edge in 14 (FreeBody): what follows later would drive it.
   static constexpr double kFollows = 3.0;
-  double share_;
-  double swing_ = 0.0;
+  double share_;                   ///< Tuning::swing_share.
+  double swing_ = 0.0;             ///< s, from −1 to 1.
   double size_ = 0.0, sum_ = 0.0;  ///< Of the step's rows.
 };
 
