@@ -79,7 +79,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   origin_B_m_ = told.origin_B_m();
   // A hand that pushes otherwise than at the answered instant moves it against its supports for the whole age of the
   // answer: behind a network, by no more than in kGivesWay_s.
-  const double gives_way = since.networked ? kGivesWay_s / std::max(since.seconds(), kGivesWay_s) : 1.0;
+  const double gives_way = kGivesWay_s / std::max(since.seconds(), kGivesWay_s);
   softness_per_kg_ = gives_way * since.tuning.support_softness * inverse_mass_per_kg_;
   take_supports(told, since.tuning, motion, supports, old);
   if (!told.complete) {
@@ -249,6 +249,38 @@ void FreeBody::stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion&
   }
 }
 
+/// The rows of its corners in a part of `h` of a re-simulation. They turn with it: a box on its edge falls over the
+/// faster, the farther its centre is beside the edge. Where they are after `ahead_s` is where they push: in the middle
+/// of a part, or eight parts would be too few.
+void FreeBody::follow_corners(const BodyMotion& motion, const Quaterniond& turned, double h, double ahead_s,
+                              SolverBody& body, FoundCorners& found, SupportPool& supports,
+                              SolverContact* rows) const noexcept {
+  Vector3d moved_m = motion.centre_m - found.centre_m;
+  Vector3d turned_rad = 2.0 * (turned * found.turned.conjugate()).vec();  // of a small angle
+  const bool far = moved_m.norm() > kSameCorners_m || turned_rad.norm() > kSameCorners_rad;
+  if (far) {
+    find_corners(motion.centre_m, turned * motion.q_WB, supports);
+    found = {motion.centre_m, turned};
+    moved_m.setZero();
+    turned_rad.setZero();
+  }
+  const Vector3d then_rad = turned_rad + ahead_s * body.angular_velocity_rad_s;
+  for (std::size_t i = 0; i < support_count_; ++i) {
+    const Support& support = supports.rows[first_support_ + i];
+    const Vector3d& from_m = support.from_centre_m;
+    rows[i].normal = support.normal;
+    rows[i].from_a_m = from_m + then_rad.cross(from_m);
+    rows[i].closing_m_s = closing_m_s(support.gap_m + support.normal.dot(moved_m + turned_rad.cross(from_m)), h);
+  }
+  if (!far) {
+    move_points(&body, rows, support_count_);
+    return;
+  }
+  const Matrix3d R = turned.toRotationMatrix();
+  body.inverse_inertia_per_kg_m2 = R * inverse_inertia_per_kg_m2_ * R.transpose();
+  prepare_contacts(&body, rows, support_count_);
+}
+
 Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept {
   // Behind a network what stands still stands until it is pushed. In a part in which that begins, friction would brake
   // it from before.
@@ -273,40 +305,15 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     }
   }
   SolverBody body = solver_body(motion);
-  const Matrix3d inverse_inertia = body.inverse_inertia_per_kg_m2;
-  if (!lies_) prepare_contacts(&body, rows, count);
+  prepare_contacts(&body, rows, count);
   Quaterniond turned = Quaterniond::Identity();
-  // Where its corners were found last.
-  Vector3d found_m = motion.centre_m;
-  Quaterniond found_turned = turned;
+  FoundCorners found{motion.centre_m, turned};
   for (int part = 1; part <= since.parts; ++part) {
     const std::uint64_t until_ns =
         from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
     Impulse after = since.given_at(until_ns);
     after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
-    if (lies_) {
-      const Vector3d moved_m = motion.centre_m - found_m;
-      const Vector3d turned_rad = 2.0 * (turned * found_turned.conjugate()).vec();  // of a small angle
-      const bool far = moved_m.norm() > kSameCorners_m || turned_rad.norm() > kSameCorners_rad;
-      if (far) {
-        find_corners(motion.centre_m, turned * motion.q_WB, supports);
-        found_m = motion.centre_m;
-        found_turned = turned;
-      }
-      for (std::size_t i = 0; i < count; ++i) {
-        const Support& support = supports.rows[first_support_ + i];
-        const double gap_m =
-            support.gap_m + (far ? 0.0 : support.normal.dot(moved_m + turned_rad.cross(support.from_centre_m)));
-        rows[i].normal = support.normal;
-        rows[i].from_a_m = support.from_centre_m;
-        rows[i].closing_m_s = closing_m_s(gap_m, h);
-      }
-      if (far || part == 1) {
-        const Matrix3d R = turned.toRotationMatrix();
-        body.inverse_inertia_per_kg_m2 = R * inverse_inertia * R.transpose();
-        prepare_contacts(&body, rows, count);
-      }
-    }
+    if (lies_) follow_corners(motion, turned, h, 0.5 * (h - tick_s), body, found, supports, rows);
     SolverBody next = body;
     next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
     next.angular_velocity_rad_s +=
@@ -418,12 +425,6 @@ void FreeBody::advance(const StepSolution& step, SupportPool& supports, BodyMoti
   const Matrix3d R = turn.toRotationMatrix();
   motion.q_WB = (turn * motion.q_WB).normalized();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
-}
-
-void FreeBody::correct(const Impulse& more, BodyMotion& motion) const noexcept {
-  if (self_ < 0) return;
-  motion.velocity_m_s += inverse_mass_per_kg_ * more.linear_n_s;
-  motion.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * more.angular_n_m_s;
 }
 
 void FreeBody::brake() noexcept {

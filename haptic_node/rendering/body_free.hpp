@@ -50,9 +50,6 @@ class FreeBody {
 
   void advance(const StepSolution& step, SupportPool& supports, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
 
-  /// The hand felt `more` in this step than its contacts were solved with.
-  void correct(const Impulse& more, BodyMotion& motion) const noexcept RTBUS_NONBLOCKING;
-
   /// Answers are late: what stands on nothing loses its forces.
   void brake() noexcept RTBUS_NONBLOCKING;
 
@@ -61,9 +58,6 @@ class FreeBody {
 
   /// Its mass, if that is so little beside the proxy's in a tick that the spring alone makes them swing; else 0.
   [[nodiscard]] double light_kg(double proxy_kg) const noexcept;
-
-  /// Lies with its corners on faces that are known, and may tip on them.
-  [[nodiscard]] bool lies() const noexcept { return lies_; }
 
   /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
@@ -81,6 +75,13 @@ class FreeBody {
                     SupportPool& supports) const noexcept;
   void put_corners(std::size_t face, const rtbus::shapes::FacePoints& corners, const Eigen::Vector3d& centre_m,
                    SupportPool& supports) const noexcept;
+  /// Where the body was in a re-simulation when its corners were found last.
+  struct FoundCorners {
+    Eigen::Vector3d centre_m;
+    Eigen::Quaterniond turned;
+  };
+  void follow_corners(const BodyMotion& motion, const Eigen::Quaterniond& turned, double h, double ahead_s,
+                      SolverBody& body, FoundCorners& found, SupportPool& supports, SolverContact* rows) const noexcept;
   void stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept;
   Eigen::Quaterniond resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept;
   [[nodiscard]] static double closing_m_s(double gap_m, double h) noexcept;

@@ -16,13 +16,17 @@ Vector3d times(const Eigen::Matrix3d& m, const Vector3d& v) noexcept {
   return m.col(0) * v.x() + m.col(1) * v.y() + m.col(2) * v.z();
 }
 
-void prepare(const SolverBody* bodies, const SolverContact& contact, const Vector3d& along, Direction& out) noexcept {
-  out.along = along;
-  out.arm_a = contact.from_a_m.cross(along);
+void turn_arms(const SolverBody* bodies, const SolverContact& contact, Direction& out) noexcept {
+  out.arm_a = contact.from_a_m.cross(out.along);
   out.turn_a_per_kg_m = times(bodies[contact.a].inverse_inertia_per_kg_m2, out.arm_a);
   if (contact.b < 0) return;
-  out.arm_b = contact.from_b_m.cross(along);
+  out.arm_b = contact.from_b_m.cross(out.along);
   out.turn_b_per_kg_m = times(bodies[contact.b].inverse_inertia_per_kg_m2, out.arm_b);
+}
+
+void prepare(const SolverBody* bodies, const SolverContact& contact, const Vector3d& along, Direction& out) noexcept {
+  out.along = along;
+  turn_arms(bodies, contact, out);
 }
 
 /// The velocity along `felt` that a unit impulse along `pushed` makes.
@@ -190,6 +194,13 @@ void end(SolverContact& contact) noexcept {
 
 void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept {
   for (std::size_t i = 0; i < count; ++i) prepare(bodies, contacts[i]);
+}
+
+void move_points(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept {
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t directions = contacts[i].friction > 0.0 ? 3 : 1;
+    for (std::size_t k = 0; k < directions; ++k) turn_arms(bodies, contacts[i], contacts[i].directions[k]);
+  }
 }
 
 int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,

@@ -71,6 +71,8 @@ int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
 /// The two parts of it, for several solutions in a row: the first depends on masses and geometry alone, the second also
 /// on velocities, forces and what `contacts` begins with. @realtime Yes.
 void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
+/// Instead of the first part where only the points have moved a little: arms follow them, masses stay.
+void move_points(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
 int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                    double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 

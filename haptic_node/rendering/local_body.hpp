@@ -29,6 +29,7 @@ struct LocalBody {
   PileBody::Known known;                                 ///< By the last answer.
   std::size_t place = 0;                                 ///< Among the hand impulses.
   Impulse heard;                                         ///< By other hands, in the running step.
+  Impulse besides;  ///< The hand felt that in the last step besides what its contacts were solved with.
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody> kind;
 
   template <class Kind>

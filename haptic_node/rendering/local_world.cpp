@@ -60,7 +60,6 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   good_until_ns_ = 0;
   clock_.forget();
   light_kg_ = 0.0;
-  swing_.forget();
 }
 
 /// A body of a pile, which no single impulse moves, feels other hands through physics alone.
@@ -172,10 +171,12 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t no
   }
   int parts = 1;
   if (answer.device_time_ns < now_ns) {
-    const double ticks = std::ceil(rtbus::seconds_between(answer.device_time_ns, now_ns) / tick_s_ - 0.1);
-    const int most =
-        std::min(static_cast<int>(std::min(1e3, ticks)), static_cast<int>(tuning_.row_budget) / std::max(1, rows));
-    parts = std::clamp(most, 1, networked_ ? kNetworkParts : static_cast<int>(tuning_.parts));
+    const double age_s = rtbus::seconds_between(answer.device_time_ns, now_ns);
+    const double ticks = std::ceil(age_s / tick_s_ - 0.1);
+    const double wanted =
+        networked_ ? kNetworkParts : std::max(tuning_.parts, std::ceil(age_s / tuning_.longest_part_s));
+    const int budget = static_cast<int>(tuning_.row_budget) / std::max(1, rows);
+    parts = std::max(1, std::min(static_cast<int>(std::min({1e3, ticks, wanted})), budget));
   }
   std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
   supports_.count = 0;
@@ -195,6 +196,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     body.place = impulses_.hold(body.index);
   }
   body.used = body.named = true;
+  body.besides = Impulse{};  // it is in the history
   const SinceAnswer since{answer.device_time_ns,
                           now_ns,
                           parts,
@@ -268,7 +270,6 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   }
   contacts_.blend(bodies_, h);
   if (solve(spring, h) > 0) give_impulses();
-  watch_swing();
   ease(spring, h);
   if (yielding_.felt()) {
     calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
@@ -302,41 +303,8 @@ void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   proxy.inverse_mass_per_kg = 1.0 / (h * lag);
 }
 
-/// @returns rows.
-std::size_t LocalWorld::solve(const LocalSpring& spring, double h) noexcept {
-  const std::size_t rows = solve_around_edges(spring, h);
-  for (std::size_t i = 0; i < solved_contacts_; ++i) {
-    SolverBody* const body = swinging_body(i);
-    if (body == nullptr) continue;
-    const Vector3d more_n_s = swing_.more_n_s(rows_[i]);
-    rows_[i].impulse_n_s += more_n_s;
-    body->velocity_m_s -= body->inverse_mass_per_kg * more_n_s;
-    body->angular_velocity_rad_s -= body->inverse_inertia_per_kg_m2 * rows_[i].from_b_m.cross(more_n_s);
-  }
-  return rows;
-}
-
-void LocalWorld::watch_swing() noexcept {
-  for (std::size_t i = 0; i < solved_contacts_; ++i) {
-    const SolverContact& row = rows_[i];
-    if (const SolverBody* const body = swinging_body(i)) {
-      const Vector3d surface_m_s = body->velocity_m_s + body->angular_velocity_rad_s.cross(row.from_b_m);
-      swing_.see(row, surface_m_s - hand_m_s_);
-    } else {
-      swing_.see(row);
-    }
-  }
-  swing_.follow(hand_rests());
-}
-
-SolverBody* LocalWorld::swinging_body(std::size_t row) noexcept {
-  const auto* const free = bodies_[contacts_.of_row(row).body].as<FreeBody>();
-  return free != nullptr && free->lies() && rows_[row].b >= 0 ? &solver_bodies_[static_cast<std::size_t>(rows_[row].b)]
-                                                              : nullptr;
-}
-
 /// A second time where the proxy comes around an edge within the step. @returns rows.
-std::size_t LocalWorld::solve_around_edges(const LocalSpring& spring, double h) noexcept {
+std::size_t LocalWorld::solve(const LocalSpring& spring, double h) noexcept {
   pull_proxy(spring, h);
   const Vector3d free_way_m = h * solver_bodies_[0].velocity_m_s;
   const std::size_t rows = solve_once(h, false);
@@ -419,8 +387,10 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
     auto* const free = bodies_[slot].as<FreeBody>();
     if (free == nullptr || !bodies_[slot].used) continue;
     if (touched[slot]) light_kg_ = std::max(light_kg_, free->light_kg(proxy_kg_));
-    const bool joins = free->join(bodies_[slot].motion, bodies_[slot].heard, touched[slot], next, h,
-                                  solver_bodies_[static_cast<std::size_t>(next)]);
+    Impulse given = bodies_[slot].heard;
+    given += bodies_[slot].besides;
+    const bool joins =
+        free->join(bodies_[slot].motion, given, touched[slot], next, h, solver_bodies_[static_cast<std::size_t>(next)]);
     next += joins ? 1 : 0;
   }
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
@@ -469,7 +439,7 @@ void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
   for (const auto& entry : impulses_.entries()) {
     if (entry.slot == kBodies) continue;  // what yields feels it in physics
     LocalBody& body = bodies_[entry.slot];
-    if (const auto* const free = body.as<FreeBody>()) free->correct(entry.more, body.motion);
+    body.besides += entry.more;
   }
 }
 
@@ -478,6 +448,7 @@ void LocalWorld::move_bodies(double h) noexcept {
   for (std::size_t slot = 0; slot < slots_; ++slot) {
     LocalBody& body = bodies_[slot];
     if (!body.used) continue;
+    body.besides = Impulse{};
     if (auto* const driven = body.as<DrivenBody>()) driven->advance(step, body.motion);
     if (auto* const free = body.as<FreeBody>()) {
       free->advance(step, supports_, body.motion);

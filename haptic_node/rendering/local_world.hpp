@@ -19,7 +19,6 @@
 #include "haptic_node/rendering/near_shapes.hpp"
 #include "haptic_node/rendering/other_hands.hpp"
 #include "haptic_node/rendering/proxy_contact_set.hpp"
-#include "haptic_node/rendering/swing_damper.hpp"
 #include "haptic_node/rendering/tuning.hpp"
 #include "haptic_node/rendering/world_clock.hpp"
 #include "haptic_node/rendering/yielding_bodies.hpp"
@@ -106,13 +105,9 @@ class LocalWorld {
   void begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept;
   void brake(double h) noexcept;
   [[nodiscard]] std::size_t solve(const LocalSpring& spring, double h) noexcept;
-  std::size_t solve_around_edges(const LocalSpring& spring, double h) noexcept;
   std::size_t solve_once(double h, bool again) noexcept;
   void ease(const LocalSpring& spring, double h) noexcept;
   std::size_t gather(double h, bool again) noexcept;
-  void watch_swing() noexcept;
-  /// What a row of the proxy pushes, if it can tip on its corners; else null.
-  [[nodiscard]] SolverBody* swinging_body(std::size_t row) noexcept;
   [[nodiscard]] bool hand_rests() const noexcept { return hand_m_s_.norm() < tuning_.resting_hand_m_s(); }
   void give_impulses() noexcept;
   void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
@@ -135,7 +130,6 @@ class LocalWorld {
   bool networked_ = false;       ///< The last answer came over a network.
   double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
   double proxy_kg_ = 0.0;        ///< In a tick: h(hK + B), as asked for.
-  SwingDamper swing_{tuning_};   ///< Of boxes and hulls that may tip.
   double light_kg_ = 0.0;        ///< The heaviest of the light bodies that were touched in the last step.
   std::uint64_t now_ns_ = 0;     ///< The bodies are there.
   std::uint64_t begun_ns_ = 0;   ///< This tick has begun.

@@ -416,6 +416,54 @@ TEST_F(LocalWorldTest, ASpeedThatFrictionEndsIsNotCarriedOn) {
   }
 }
 
+/// A body of 4 g at rest between the proxy and a wall behind it, which bears `force_n`.
+ProxyContacts held_light(double force_n, std::uint64_t sample_ns) {
+  ProxyContacts out = standing(0.0, 0.0, sample_ns);
+  out.body_inverse_mass_per_kg[0] = 250.0;
+  out.support_normal[0] = {1, 0, 0};
+  out.support_point_m[0] = {-0.02, 0, 0};
+  out.support_force_n[0] = force_n;
+  out.body_external_force_n[0] = {force_n, 0, 0};
+  return out;
+}
+
+// The ladder leaves half of the force. What that gives the body is over with the next answer: its surface has not gone.
+TEST_F(LocalWorldTest, WhatTheLadderGivesIsNoSpeedThatTheHandHasFelt) {
+  stiffness_n_per_m = 15.0;
+  damping_n_s_per_m = 1.3;
+  const Vector3d hand_m(-0.03, 0, 0);
+  const double pressed_n = stiffness_n_per_m * -hand_m.x(), left_n = 0.5 * pressed_n;
+  world->reset({0, 0, 0});
+  double farthest_m = 0.0, force_n = 0.0;
+  for (int i = 0; i < 200; ++i) {
+    const LocalSpring spring{hand_m, Vector3d::Zero(), stiffness_n_per_m, damping_n_s_per_m};
+    if (i % 2 == 0) {
+      world->foresee(spring, now_ns + rtbus::kNsPerMs, kTick_s);
+      world->take(held_light(left_n, now_ns - 2 * rtbus::kNsPerMs), now_ns + rtbus::kNsPerMs);
+    }
+    force_n = tick(hand_m).x();
+    world->felt(-0.5 * world->impulse_n_s());
+    farthest_m = std::max(farthest_m, world->position_m().norm());
+  }
+  EXPECT_NEAR(force_n, pressed_n, 0.02);
+  EXPECT_LT(farthest_m, 50e-6);
+}
+
+// A hand that presses with 0.4 N where it pressed with 0.2 N when an answer was made, which is as old as this.
+TEST_F(LocalWorldTest, ALightBodyGivesWayNoFartherTheOlderAnAnswerIs) {
+  constexpr double kTold_n = 0.2, kPressed_n = 0.4;
+  for (const int age_ms : {10, 100, 300}) {
+    const auto age_ns = static_cast<std::uint64_t>(age_ms) * rtbus::kNsPerMs;
+    world->reset({0, 0, 0});
+    world->take(held_light(kTold_n, now_ns - age_ns), now_ns);
+    for (int i = 0; i < age_ms; ++i) tick(-kPressed_n / kStiffness);
+    EXPECT_GT(world->position_m().x(), -35e-6) << age_ms << " ms in ticks";
+    world->take(held_light(kTold_n, now_ns - age_ns), now_ns);
+    for (int i = 0; i < 20; ++i) tick(-kPressed_n / kStiffness);
+    EXPECT_GT(world->position_m().x(), -35e-6) << age_ms << " ms in a replay";
+  }
+}
+
 TEST_F(LocalWorldTest, StandsOnItsFeetWithoutNews) {
   world->reset({0.0, 0, 0});
   world->take(standing(0.0, 0.0, now_ns), now_ns);

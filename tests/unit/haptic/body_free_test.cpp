@@ -1,0 +1,70 @@
+/// A free body on its way from the instant of an answer to now, against closed forms.
+#include "haptic_node/rendering/body_free.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include <Eigen/Geometry>
+
+#include "tests/unit/haptic/falling_box.hpp"
+
+namespace body_free_test {
+
+using haptic::SupportPool;
+using tests::FallingBox;
+
+/// What the body makes of an answer that is `age_s` old. @returns how far it has turned, towards +x.
+double falls(double past_rad, double age_s, int parts, haptic::BodyMotion& motion) {
+  constexpr double kTick_s = 1e-3;
+  constexpr std::uint64_t kSample_ns = 1'000'000'000;
+  const rtbus::ProxyContacts answer = FallingBox::answer(past_rad, kSample_ns);
+  const haptic::KnownShapes shapes(FallingBox::shapes());
+  const haptic::Tuning tuning;
+  const haptic::OtherHands nobody(0);
+  const haptic::ImpulseHistory history;
+  const haptic::Impulse nothing;
+  std::array<haptic::SolverContact, SupportPool::kSupports> scratch;
+  const haptic::SinceAnswer since{kSample_ns,
+                                  kSample_ns + static_cast<std::uint64_t>(age_s * 1e9),
+                                  parts,
+                                  kTick_s,
+                                  history,
+                                  nothing,
+                                  {nobody, answer, 0},
+                                  scratch.data(),
+                                  tuning,
+                                  shapes};
+  SupportPool supports, before;
+  supports.spare = SupportPool::kSupports - 1;
+  haptic::FreeBody body;
+  return -2.0 * body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, before, motion).z();
+}
+
+/// Its weight turns it the faster, the farther it has turned. A replay whose weight pushed where it did at first made
+/// a box under a hand swing for ever.
+TEST(FreeBody, FallsOverItsEdgeAsFastAsAPendulum) {
+  constexpr double kAge_s = 0.1;
+  const double grown = FallingBox::kLambda_per_s * kAge_s;
+  for (const int parts : {8, 15, 100}) {
+    for (const double past_rad : {0.01, -0.01, 0.02}) {
+      haptic::BodyMotion motion;
+      const double turned_rad = falls(past_rad, kAge_s, parts, motion);
+      EXPECT_NEAR(turned_rad / (past_rad * (std::cosh(grown) - 1.0)), 1.0, 0.03)
+          << parts << " parts, " << past_rad << " rad";
+      EXPECT_NEAR(-motion.angular_velocity_rad_s.z() / (past_rad * FallingBox::kLambda_per_s * std::sinh(grown)), 1.0,
+                  0.03)
+          << parts << " parts, " << past_rad << " rad";
+    }
+  }
+}
+
+TEST(FreeBody, StaysOnItsEdge) {
+  haptic::BodyMotion motion;
+  (void)falls(0.02, 0.1, 8, motion);
+  EXPECT_LT((motion.centre_m - motion.q_WB * FallingBox::centre_B_m() - FallingBox::kEdge_m).norm(), 30e-6);
+}
+
+}  // namespace body_free_test
