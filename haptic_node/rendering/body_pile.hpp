@@ -15,7 +15,8 @@ namespace haptic {
 /// A pile gives way like something thick: as it went on the mean over the last period of physics under the mean push of
 /// that period, and faster by `mobility` for what the push is more than that. Cubes that are pushed through each other
 /// at full rate do so (docs/decisions/0008). What stands still under a push stays where it is when the push goes:
-/// against the push nothing comes faster than it came before. @realtime Yes.
+/// against the push nothing comes faster than it came before. What an answer changes in that is brought in with the
+/// blend of the body: at once, a speed is a jump of the damper's force. @realtime Yes.
 class PileBody {
  public:
   /// Where an answer had a body, and what the hand had given it until then.
@@ -44,8 +45,8 @@ class PileBody {
   /// Completes the row of a contact with the proxy. @param hand_m_s Velocity of the hand.
   void fill_row(const Eigen::Vector3d& hand_m_s, double h, SolverContact& row) const noexcept RTBUS_NONBLOCKING;
 
-  /// As its contacts took it to move when they were solved.
-  void advance(const StepSolution& step, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
+  /// As its contacts took it to move when they were solved. @param share Of what the last answer changed, brought in.
+  void advance(const StepSolution& step, double share, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
 
   /// The way in `seconds`, in which it was given `impulse_n_s`.
   [[nodiscard]] Eigen::Vector3d way_m(const Eigen::Vector3d& impulse_n_s,
@@ -53,25 +54,30 @@ class PileBody {
 
   /// Its speed if nothing pushed and nothing held it: what a contact starts from.
   [[nodiscard]] Eigen::Vector3d free_m_s() const noexcept RTBUS_NONBLOCKING {
-    return speed_m_s_ - mobility_m_s_n_ * push_n_;
+    return flow_.speed_m_s - mobility_m_s_n_ * flow_.push_n;
   }
   /// It comes along `normal` no faster than this.
   [[nodiscard]] double advance_m_s(const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
-    return std::max(0.0, normal.dot(speed_m_s_));
+    return std::max(0.0, normal.dot(flow_.speed_m_s));
   }
   /// The last answer told what holds it. Bodies of a pile bounce: for an instant nothing may.
   [[nodiscard]] bool held() const noexcept { return held_; }
   [[nodiscard]] double mobility_m_s_n() const noexcept { return mobility_m_s_n_; }
-  [[nodiscard]] const Eigen::Vector3d& speed_m_s() const noexcept { return speed_m_s_; }
+  [[nodiscard]] const Eigen::Vector3d& speed_m_s() const noexcept { return flow_.speed_m_s; }
 
  private:
   [[nodiscard]] Eigen::Vector3d surface_m_s(const Eigen::Vector3d& hand_m_s,
                                             const Eigen::Vector3d& normal) const noexcept;
 
+  /// Means over a period: that fast under that push.
+  struct Flow {
+    Eigen::Vector3d push_n = Eigen::Vector3d::Zero();
+    Eigen::Vector3d speed_m_s = Eigen::Vector3d::Zero();
+  };
   bool held_ = false;
   double mobility_m_s_n_ = 0.0;
-  Eigen::Vector3d push_n_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d speed_m_s_ = Eigen::Vector3d::Zero();
+  Flow flow_;  ///< It is taken to go so …
+  Flow told_;  ///< … and comes to this.
 };
 
 }  // namespace haptic

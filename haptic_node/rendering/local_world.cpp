@@ -459,7 +459,7 @@ void LocalWorld::move_bodies(double h) noexcept {
       for (const auto& entry : impulses_.entries()) {
         if (entry.slot == slot) step.pushed_n_s += entry.impulse_n_s;
       }
-      pile->advance(step, body.motion);
+      pile->advance(step, body.blend.share(h), body.motion);
     }
     if (body.motion.angular_velocity_rad_s.isZero(0.0)) continue;
     contacts_.turn(slot, turn_of(body.motion.angular_velocity_rad_s, h));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -246,8 +247,12 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     contact.friction = answer.contact_friction[i];
     if (answer.contact_curvature_per_m[i] > 0.0) contact.radius_m = 1.0 / answer.contact_curvature_per_m[i];
     follow(contact, bodies, proxy, shapes, std::numbers::pi);
-    const double gap_m = gap_of(contact, bodies, proxy);
     const std::size_t best = match(contact, old_count, matched);
+    const bool of_pile = bodies[slot].as<PileBody>() != nullptr;
+    if (of_pile && contact.radius_m <= 0.0 && best < old_count && old_[best].felt()) {
+      contact.told_normal = std::exchange(contact.normal, old_[best].normal);
+    }
+    const double gap_m = gap_of(contact, bodies, proxy);
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
       continue;
     }
@@ -268,7 +273,7 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     if (contact.felt()) {
       contact.offset_m = old_[best].gap_m - gap_m;
       correction_m = std::max(correction_m.value_or(0.0), std::abs(contact.offset_m - old_[best].offset_m));
-      if (body.as<PileBody>() == nullptr) {
+      if (!of_pile) {
         contact.late_m_s = old_[best].late_m_s - body.motion.velocity_at(contact.from_centre_m);
         const double late = contact.late_m_s.norm();
         if (late > tuning_.recovery_m_s) contact.late_m_s *= tuning_.recovery_m_s / late;
@@ -299,6 +304,10 @@ void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
   for (std::size_t i = 0; i < count_; ++i) {
     Contact& contact = contacts_[i];
     contact.blend_m_s = 0.0;
+    if (contact.told_normal && !contact.fades) {
+      const double share = bodies[contact.body].blend.share(h);
+      contact.normal = (contact.normal + share * (*contact.told_normal - contact.normal)).normalized();
+    }
     if (contact.fades) {
       // It recedes until it is felt no more.
       if (!contact.felt()) continue;

@@ -48,6 +48,8 @@ class ProxyContactSet {
     std::size_t body = 0;
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d normal = Eigen::Vector3d::UnitY();
+    /// Of a body of a pile, which does not turn here as it does there: the normal comes to what physics has.
+    std::optional<Eigen::Vector3d> told_normal;
     double radius_m = 0.0;      ///< Of the ball whose surface it is; 0: a plane.
     int surface = -1;           ///< Known surface on which it is found anew in each step; −1: none …
     std::uint64_t feature = 0;  ///< … and what of it it is on.

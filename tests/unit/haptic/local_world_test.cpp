@@ -531,4 +531,41 @@ TEST_F(LocalWorldTest, DoesNotFollowAHeapAcrossItsNormal) {
   EXPECT_GT(world->impulse_n_s().x() / kStepS, 0.1) << "it is touched";
 }
 
+// A cube of a pile has turned by 0.1 rad, and slips: neither is a jump of the force, and in the end it is as told.
+TEST_F(LocalWorldTest, ATurnOfAPileComesSlowly) {
+  constexpr double kTurned_rad = 0.1;
+  const Vector3d normal(std::cos(kTurned_rad), std::sin(kTurned_rad), 0.0);
+  world->reset({0.0, 0, 0});
+  ProxyContacts heap = standing(0.0, 0.0, now_ns);
+  heap.support_inverse_mass_per_kg[0] = 10.0;
+  const auto tell = [&](double x_m) {
+    heap.device_time_ns = now_ns - 50 * rtbus::kNsPerMs;
+    heap.body_centre_m[0] = {x_m - 0.01, 0, 0};
+    heap.contact_point_m[0] = {x_m, 0, 0};
+    world->take(heap, now_ns);
+  };
+  const auto force_n = [&] {
+    tick(-2e-3);
+    return Vector3d(world->impulse_n_s() / kStepS);
+  };
+  Vector3d before_n;
+  for (int answer = 0; answer < 3; ++answer) {
+    tell(0.0);
+    for (int i = 0; i < 50; ++i) before_n = force_n();
+  }
+  ASSERT_GT(before_n.x(), 0.5);
+  heap.contact_normal[0] = {normal.x(), normal.y(), 0.0};
+  double largest_n = 0.0;
+  for (int answer = 0; answer < 20; ++answer) {
+    tell(-0.25e-3);  // where the hand holds it in the end, but for the first answer, before which it slipped
+    for (int i = 0; i < 50; ++i) {
+      const Vector3d now_n = force_n();
+      largest_n = std::max(largest_n, (now_n - before_n).norm());
+      before_n = now_n;
+    }
+  }
+  EXPECT_LT(largest_n, 5e-3) << "the turn alone would be 0.1 rad of 0.9 N, the slip 5 mm/s of 0.5 N s/m";
+  EXPECT_NEAR(std::atan2(before_n.y(), before_n.x()), kTurned_rad, 2e-3);
+}
+
 }  // namespace

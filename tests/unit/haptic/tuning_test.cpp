@@ -413,18 +413,20 @@ Figures facing_supports_agree(const Tuning& tuning) {
   return Figures{}.within("least N", least_n, 0.45, 0.55).within("spread N", most_n - least_n, 0.0, 0.02);
 }
 
-/// A pile that slipped by 2 mm in a period under a hand at rest does not go on as fast: 0.04 m/s would be 2 mm more.
+/// A pile that slipped by 2 mm in a period under a hand at rest does not go on as fast: by the time it is told, 0.04
+/// m/s would be 2 mm more.
 Figures a_slip_is_over(const Tuning& tuning) {
+  constexpr double kAge_s = 0.05;
   Scene scene(tuning);
-  scene.take(pile_at(0.0), 0.0);
+  scene.take(pile_at(0.0), kAge_s);
   for (int i = 0; i < 50; ++i) scene.tick(-1e-3);
-  scene.take(pile_at(-2e-3), 0.0);
+  scene.take(pile_at(-2e-3), kAge_s);
   double low_m = 1.0;
-  for (int i = 0; i < 50; ++i) {
-    scene.tick(-4e-3);
+  for (int i = 0; i < 300; ++i) {
+    scene.tick(-6e-3);
     low_m = std::min(low_m, scene.world->position_m().x());
   }
-  return Figures{}.within("lowest mm", 1e3 * low_m, -2.7, -0.8);
+  return Figures{}.within("lowest mm", 1e3 * low_m, -3.5, -1.8);
 }
 
 /// A pile of 0.1 kg under 0.5 N more than it was told of gives way: by 1 to 3 mm/s per newton.
