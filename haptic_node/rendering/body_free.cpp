@@ -31,7 +31,7 @@ constexpr double kBlocked_rad = 0.5;
 /// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less. With its own spring it
 /// swings once in 28 ticks or faster, which is not slow beside an answer.
 constexpr double kHeavy = 20.0;
-/// As old as an answer is without a network.
+/// For so long a support gives way, however old the answer is.
 constexpr double kGivesWay_s = 10e-3;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
@@ -77,8 +77,8 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   box_ = has_shape_ ? std::get_if<rtbus::shapes::Box>(&known->shape) : nullptr;
   hull_ = has_shape_ ? std::get_if<rtbus::shapes::Hull>(&known->shape) : nullptr;
   origin_B_m_ = told.origin_B_m();
-  // A hand that pushes otherwise than at the answered instant moves it against its supports for the whole age of the
-  // answer: behind a network, by no more than in kGivesWay_s.
+  // A hand that pushes otherwise than at the answered instant moves it against its supports until the next answer: by
+  // no more than in kGivesWay_s, or what is light sinks and rises with every answer.
   const double gives_way = kGivesWay_s / std::max(since.seconds(), kGivesWay_s);
   softness_per_kg_ = gives_way * since.tuning.support_softness * inverse_mass_per_kg_;
   take_supports(told, since.tuning, motion, supports, old);

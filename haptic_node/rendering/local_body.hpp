@@ -29,7 +29,8 @@ struct LocalBody {
   PileBody::Known known;                                 ///< By the last answer.
   std::size_t place = 0;                                 ///< Among the hand impulses.
   Impulse heard;                                         ///< By other hands, in the running step.
-  Impulse besides;  ///< The hand felt that in the last step besides what its contacts were solved with.
+  /// The hand felt that in the last step besides what its contacts were solved with: the body gets it in the next one.
+  Impulse besides;
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody> kind;
 
   template <class Kind>
