@@ -31,8 +31,10 @@ constexpr double kBlocked_rad = 0.5;
 /// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less. With its own spring it
 /// swings once in 28 ticks or faster, which is not slow beside an answer.
 constexpr double kHeavy = 20.0;
-/// For so long a support gives way, however old the answer is.
+/// Behind a network a support gives way for so long, however old the answer is.
 constexpr double kGivesWay_s = 10e-3;
+/// So much of what the hand presses more than at an answer's instant may be gone by the next one.
+constexpr double kRelaxes = 0.05;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
@@ -77,9 +79,12 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   box_ = has_shape_ ? std::get_if<rtbus::shapes::Box>(&known->shape) : nullptr;
   hull_ = has_shape_ ? std::get_if<rtbus::shapes::Hull>(&known->shape) : nullptr;
   origin_B_m_ = told.origin_B_m();
-  // A hand that pushes otherwise than at the answered instant moves it against its supports until the next answer: by
-  // no more than in kGivesWay_s, or what is light sinks and rises with every answer.
-  const double gives_way = kGivesWay_s / std::max(since.seconds(), kGivesWay_s);
+  // A hand that pushes otherwise than at the answered instant moves it against its supports until the next answer, and
+  // its own spring relaxes by that. What is light would sink and rise with every answer.
+  const double relaxes =
+      since.tuning.support_softness * since.proxy_kg * inverse_mass_per_kg_ * since.seconds() / since.tick_s;
+  const double gives_way =
+      since.networked ? kGivesWay_s / std::max(since.seconds(), kGivesWay_s) : kRelaxes / std::max(relaxes, kRelaxes);
   softness_per_kg_ = gives_way * since.tuning.support_softness * inverse_mass_per_kg_;
   take_supports(told, since.tuning, motion, supports, old);
   if (!told.complete) {
