@@ -33,7 +33,7 @@ constexpr double kBlocked_rad = 0.5;
 constexpr double kHeavy = 20.0;
 /// Behind a network a support gives way for so long, however old the answer is.
 constexpr double kGivesWay_s = 10e-3;
-/// So much of what the hand presses more than at an answer's instant may be gone by the next one.
+/// So much of what the hand presses more than at an answer's instant may be gone after its age.
 constexpr double kRelaxes = 0.05;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
@@ -79,8 +79,8 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   box_ = has_shape_ ? std::get_if<rtbus::shapes::Box>(&known->shape) : nullptr;
   hull_ = has_shape_ ? std::get_if<rtbus::shapes::Hull>(&known->shape) : nullptr;
   origin_B_m_ = told.origin_B_m();
-  // A hand that pushes otherwise than at the answered instant moves it against its supports until the next answer, and
-  // its own spring relaxes by that. What is light would sink and rise with every answer.
+  // A hand that pushes otherwise than at the answered instant moves it against its supports, and its own spring relaxes
+  // by that. What is light would sink and rise with every answer.
   const double relaxes =
       since.tuning.support_softness * since.proxy_kg * inverse_mass_per_kg_ * since.seconds() / since.tick_s;
   const double gives_way =

@@ -75,9 +75,9 @@ class PileBody {
     Eigen::Vector3d speed_m_s = Eigen::Vector3d::Zero();
   };
   bool held_ = false;
-  double mobility_m_s_n_ = 0.0;
-  Flow flow_;  ///< It is taken to go so …
-  Flow told_;  ///< … and comes to this.
+  double mobility_m_s_n_ = 0.0;  ///< m/s per N.
+  Flow flow_;                    ///< It is taken to go so …
+  Flow told_;                    ///< … and comes to this.
 };
 
 }  // namespace haptic

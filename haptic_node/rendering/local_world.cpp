@@ -438,8 +438,7 @@ void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
   impulses_.settle(impulse_n_s + calm_n_s_);
   for (const auto& entry : impulses_.entries()) {
     if (entry.slot == kBodies) continue;  // what yields feels it in physics
-    LocalBody& body = bodies_[entry.slot];
-    body.besides += entry.more;
+    bodies_[entry.slot].besides += entry.more;
   }
 }
 

@@ -22,7 +22,7 @@ struct Tuning {
   double sweeps = 12.0;
   double row_budget = 100.0;
   double parts = 8.0;
-  double longest_part_s = 7e-3;
+  double longest_part_s = 8e-3;
   double good_periods = 1.5;
   double good_besides_s = 3e-3;
   double way_out_s = 0.5;
