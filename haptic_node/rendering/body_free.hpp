@@ -30,10 +30,12 @@ class FreeBody {
   Eigen::Quaterniond take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
                           const SupportPool& old, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
 
-  /// An answer does not name the body: it stands on nothing that is known.
+  /// An answer does not name the body: it stands on nothing that is known, and so has no weight either.
   void leave_supports() noexcept {
     support_count_ = 0;
-    lies_ = false;
+    lies_ = supported_ = false;
+    force_n_.setZero();
+    torque_n_m_.setZero();
   }
 
   /// Takes part in a step as body number `self`, if it moves or is touched. @returns whether it does.

@@ -47,40 +47,51 @@ void HandImpulses::begin(std::uint64_t began_ns, std::uint64_t ends_ns) noexcept
 
 // Sums are for ever: one step of a world that makes no sense must not be in them. What is left out here settle() shares
 // as what the ladder changed.
-void HandImpulses::give(std::size_t place, std::size_t slot, const Vector3d& impulse_n_s,
-                        const Vector3d& from_centre_m) noexcept {
+void HandImpulses::give(std::size_t place, std::size_t slot, const Vector3d& impulse_n_s, const Vector3d& from_centre_m,
+                        bool moves) noexcept {
   const bool sane = impulse_n_s.norm() <= kMostGiven_n_s && from_centre_m.norm() <= kFarthest_m;
   if (count_ == kMostEntries || !sane) return;
   Entry& entry = entries_[count_++];
-  entry = {places_[place].body, place, slot, impulse_n_s, from_centre_m, {}};
-  book(entry.place, {impulse_n_s, from_centre_m.cross(impulse_n_s)});
+  entry = {places_[place].body, place, slot, impulse_n_s, from_centre_m, moves, {}};
+  book(entry.place, {impulse_n_s, from_centre_m.cross(impulse_n_s)}, moves);
   last_ = entry;
 }
 
-void HandImpulses::book(std::size_t place, const Impulse& impulse) noexcept {
-  open_row(place);
+void HandImpulses::book(std::size_t place, const Impulse& impulse, bool moves) noexcept {
+  open_row(place, moves);
   Place& at = places_[place];
   const Impulse before = at.sum;
   at.sum += impulse;
   at.history.add(began_ns_, ends_ns_, apart_ns_, before, at.sum);
 }
 
-/// The body that was given nothing for the longest time loses its row.
-void HandImpulses::open_row(std::size_t place) noexcept {
-  Row* oldest = &rows_.front();
+/// The body that was given nothing for the longest time loses its row. A row in use is kept, or bodies that are touched
+/// at the same time would take it from each other in every step: only a body that moves takes that of one that does
+/// not.
+void HandImpulses::open_row(std::size_t place, bool moves) noexcept {
+  const auto in_use = [this](const Row& row) { return row.generation != 0 && row.last_step + 1 >= steps_; };
+  const auto goes_before = [&](const Row& a, const Row& b) {
+    if (in_use(a) != in_use(b)) return in_use(b);
+    if (in_use(a)) return b.moves && !a.moves;
+    return b.generation != 0 && (a.generation == 0 || a.last_step < b.last_step);
+  };
+  Row* first = &rows_.front();
   for (Row& row : rows_) {
     if (row.generation != 0 && row.place == place) {
       row.last_step = steps_;
+      row.moves = moves;
       return;
     }
-    if (oldest->generation != 0 && (row.generation == 0 || row.last_step < oldest->last_step)) oldest = &row;
+    if (goes_before(row, *first)) first = &row;
   }
-  *oldest = Row{place, ++generations_, steps_, places_[place].sum, Vector3d::Zero()};
+  if (in_use(*first) && (first->moves || !moves)) return;
+  *first = Row{place, ++generations_, steps_, moves, places_[place].sum, Vector3d::Zero()};
 }
 
-void HandImpulses::settle(const Vector3d& felt_n_s) noexcept {
+void HandImpulses::settle(const Vector3d& impulse_n_s) noexcept {
+  const Vector3d felt_n_s = impulse_n_s.allFinite() ? impulse_n_s : Vector3d(Vector3d::Zero());
   if (count_ == 0 && last_.place != kPlaces && !felt_n_s.isZero(0.0)) {
-    book(last_.place, {felt_n_s, last_.from_centre_m.cross(felt_n_s)});
+    book(last_.place, {felt_n_s, last_.from_centre_m.cross(felt_n_s)}, last_.moves);
   }
   double sizes_n_s = 0.0;
   Vector3d rest_n_s = felt_n_s;

@@ -30,6 +30,7 @@ class HandImpulses {
     std::size_t slot = 0;                                   ///< Of the body, in the local world.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the body.
     Eigen::Vector3d from_centre_m = Eigen::Vector3d::Zero();
+    bool moves = false;
     Impulse more;  ///< What the ladder let through beyond that.
   };
 
@@ -44,17 +45,18 @@ class HandImpulses {
   /// A step begins, and lasts from `began_ns` to `ends_ns`.
   void begin(std::uint64_t began_ns, std::uint64_t ends_ns) noexcept RTBUS_NONBLOCKING;
   /// In it the proxy gave that. @param impulse_n_s On the body. At most kMostEntries times in a step. What no hand can
-  /// give in a step is passed over, and so is what is not finite.
+  /// give in a step is passed over, and so is what is not finite. @param moves An impulse moves the body: of more
+  /// bodies than device_state has rows for, these are told first.
   void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
-            const Eigen::Vector3d& from_centre_m) noexcept RTBUS_NONBLOCKING;
+            const Eigen::Vector3d& from_centre_m, bool moves) noexcept RTBUS_NONBLOCKING;
   static constexpr std::size_t kMostEntries = rtbus::kContactSlots + 4;
   static constexpr double kMostGiven_n_s = 1e3, kFarthest_m = 1e3;
   [[nodiscard]] std::span<const Entry> entries() const noexcept { return {entries_.data(), count_}; }
 
-  /// The step is over; the bodies got `felt_n_s` in all, which is what the safety ladder let through. What it took or
-  /// added, the bodies share as they share the force: Entry::more. What it still gives when nothing is touched belongs
-  /// to the body that was touched last.
-  void settle(const Eigen::Vector3d& felt_n_s) noexcept RTBUS_NONBLOCKING;
+  /// The step is over; the bodies got `impulse_n_s` in all, which is what the safety ladder let through. What it took
+  /// or added, the bodies share as they share the force: Entry::more. What it still gives when nothing is touched
+  /// belongs to the body that was touched last. What is not finite counts as nothing.
+  void settle(const Eigen::Vector3d& impulse_n_s) noexcept RTBUS_NONBLOCKING;
 
   [[nodiscard]] const Impulse& sum(std::size_t place) const noexcept { return places_[place].sum; }
   [[nodiscard]] const ImpulseHistory& history(std::size_t place) const noexcept { return places_[place].history; }
@@ -73,14 +75,15 @@ class HandImpulses {
   struct Row {
     std::size_t place = kPlaces;
     std::uint32_t generation = 0;  ///< 0: the row is free.
-    std::uint64_t last_step = 0;   ///< When its body was given something.
+    std::uint64_t last_step = 0;   ///< When its body was given something …
+    bool moves = false;            ///< … which moves it.
     Impulse before;                ///< Sum of the place when the row was opened.
     Eigen::Vector3d integral_n_s2 = Eigen::Vector3d::Zero();
   };
 
   [[nodiscard]] bool told(std::size_t place) const noexcept;
-  void open_row(std::size_t place) noexcept RTBUS_NONBLOCKING;
-  void book(std::size_t place, const Impulse& impulse) noexcept RTBUS_NONBLOCKING;
+  void open_row(std::size_t place, bool moves) noexcept RTBUS_NONBLOCKING;
+  void book(std::size_t place, const Impulse& impulse, bool moves) noexcept RTBUS_NONBLOCKING;
 
   std::array<Place, kPlaces> places_{};
   std::array<Row, rtbus::kHandImpulseRows> rows_{};

@@ -33,6 +33,8 @@ struct LocalBody {
   Impulse besides;
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody> kind;
 
+  /// An impulse of the hand moves it.
+  [[nodiscard]] bool is_moved() const noexcept { return as<FreeBody>() != nullptr || as<PileBody>() != nullptr; }
   template <class Kind>
   [[nodiscard]] Kind* as() noexcept {
     return std::get_if<Kind>(&kind);

@@ -38,13 +38,16 @@ class LocalContact final : public Method {
   void reset() noexcept RTBUS_NONBLOCKING override { placed_ = false; }
 
  private:
+  [[nodiscard]] double step_to(std::uint64_t sample_ns, double dt_s) noexcept;
+
   double stiffness_n_per_m_;
   double damping_n_s_per_m_;
   const Mapping& mapping_;
   LocalWorld world_;
   bool placed_ = false;
   std::uint64_t sample_ns_ = 0;
-  double step_s_ = 0.0;  ///< Of the last tick.
+  std::uint64_t world_ns_ = 0;  ///< So far the world has been advanced: beyond a sample that was repeated.
+  double step_s_ = 0.0;         ///< Of the last tick.
 };
 
 }  // namespace haptic

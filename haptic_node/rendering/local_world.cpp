@@ -41,7 +41,8 @@ std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
 
 }  // namespace
 
-void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
+void LocalWorld::reset(const Vector3d& proxy_m, std::uint64_t sample_ns) noexcept {
+  now_ns_ = sample_ns;
   proxy_ = {proxy_m, Vector3d::Zero(), proxy_.radius_m};
   impulse_n_s_.setZero();
   calm_n_s_.setZero();
@@ -60,6 +61,7 @@ void LocalWorld::reset(const Vector3d& proxy_m) noexcept {
   good_until_ns_ = 0;
   clock_.forget();
   light_kg_ = 0.0;
+  on_free_ = false;
 }
 
 /// A body of a pile, which no single impulse moves, feels other hands through physics alone.
@@ -132,7 +134,8 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   }
   slots_ = std::max(slots_, std::min(free + 1, kBodies));
   if (free < kBodies) return free;
-  // All are taken: one that this answer does not name must go, and is not felt: the contacts of that are to recede.
+  // All are taken: one that this answer has not named so far must go, and is not felt: the contacts of that are to
+  // recede.
   std::array<bool, kBodies> felt{};
   for (const auto& contact : contacts_.all()) felt[contact.body] = felt[contact.body] || contact.felt();
   for (const bool unfelt : {true, false}) {
@@ -289,10 +292,12 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
 }
 
 /// A light body swings on the spring within few ticks. Physics hears of that too late to brake it, so that it is braked
-/// here: by half of what is critical, as long as it is touched.
+/// here: by half of what is critical, as long as it is touched. Any other body swings on a spring without damping under
+/// a hand that rests, and each answer that is late or lost makes it swing anew.
 void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   LocalSpring damped = spring;
-  damped.damping_n_s_per_m = std::max(spring.damping_n_s_per_m, std::sqrt(spring.stiffness_n_per_m * light_kg_));
+  damped.damping_n_s_per_m = std::max({spring.damping_n_s_per_m, std::sqrt(spring.stiffness_n_per_m * light_kg_),
+                                       on_free_ && hand_rests() ? spring.resting_damping_n_s_per_m : 0.0});
   const double lag = lag_of(damped, h);
   SolverBody& proxy = solver_bodies_[0];
   proxy.velocity_m_s = (damped.stiffness_n_per_m * (damped.goal_m - proxy_.position_m) +
@@ -383,10 +388,14 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
   std::size_t rows = solved_contacts_;
   int next = 1;
   light_kg_ = 0.0;
+  on_free_ = false;
   for (std::size_t slot = 0; slot < slots_; ++slot) {
     auto* const free = bodies_[slot].as<FreeBody>();
     if (free == nullptr || !bodies_[slot].used) continue;
-    if (touched[slot]) light_kg_ = std::max(light_kg_, free->light_kg(proxy_kg_));
+    if (touched[slot]) {
+      light_kg_ = std::max(light_kg_, free->light_kg(proxy_kg_));
+      on_free_ = true;
+    }
     Impulse given = bodies_[slot].heard;
     given += bodies_[slot].besides;
     const bool joins =
@@ -413,8 +422,8 @@ void LocalWorld::give_impulses() noexcept {
     auto& contact = contacts_.of_row(i);
     contact.impulse_n_s = rows_[i].impulse_n_s;
     if (!contact.felt()) continue;
-    give(bodies_[contact.body].place, contact.body, contact.impulse_n_s, contact.from_centre_m);
     const LocalBody& body = bodies_[contact.body];
+    give(body.place, contact.body, contact.impulse_n_s, contact.from_centre_m, body.is_moved());
     if (body.as<DrivenBody>() == nullptr) continue;
     work_j_ += contact.impulse_n_s.dot(ProxyContactSet::carried_m_s(contact, body.motion));
     // Where it comes to its place nobody works: a hand that it lifts gets what it has, and nothing besides. What was
@@ -424,14 +433,14 @@ void LocalWorld::give_impulses() noexcept {
     lifted_j_ = std::max(0.0, lifted_j_);
   }
   const Vector3d yields_n_s = yielding_.impulse_n_s(rows_.data());
-  if (!yields_n_s.isZero(0.0)) give(yielding_place_, kBodies, yields_n_s, Vector3d::Zero());
+  if (!yields_n_s.isZero(0.0)) give(yielding_place_, kBodies, yields_n_s, Vector3d::Zero(), true);
 }
 
 /// @param impulse_n_s On the proxy.
-void LocalWorld::give(std::size_t place, std::size_t slot, const Vector3d& impulse_n_s,
-                      const Vector3d& from_centre_m) noexcept {
+void LocalWorld::give(std::size_t place, std::size_t slot, const Vector3d& impulse_n_s, const Vector3d& from_centre_m,
+                      bool moves) noexcept {
   impulse_n_s_ += impulse_n_s;
-  impulses_.give(place, slot, -impulse_n_s, from_centre_m);
+  impulses_.give(place, slot, -impulse_n_s, from_centre_m, moves);
 }
 
 void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {

@@ -33,7 +33,8 @@ struct LocalSpring {
   Eigen::Vector3d goal_velocity_m_s = Eigen::Vector3d::Zero();
   double stiffness_n_per_m = 0.0;
   double damping_n_s_per_m = 0.0;
-  double force_scale = 1.0;  ///< As MappingConfig::force_scale.
+  double force_scale = 1.0;                ///< As MappingConfig::force_scale.
+  double resting_damping_n_s_per_m = 0.0;  ///< Damping at least, while the hand rests on a body that forces move.
 };
 
 /// One instant of the local world belongs to one device sample; a step leads from the sample before to this one.
@@ -57,8 +58,8 @@ class LocalWorld {
   explicit LocalWorld(KnownShapes known = {}, std::size_t other_hands = 0, const Tuning& tuning = {})
       : tuning_(tuning), shapes_(std::move(known), tuning), contacts_(tuning), other_hands_(other_hands) {}
 
-  /// Puts the proxy there, at rest, and forgets everything else.
-  void reset(const Eigen::Vector3d& proxy_m) noexcept RTBUS_NONBLOCKING;
+  /// Puts the proxy there, at rest, and forgets everything else. @param sample_ns Of the device sample.
+  void reset(const Eigen::Vector3d& proxy_m, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
 
   /// What the other hands have done by now. Before take() and advance() of the tick.
   void hear(std::span<const OtherHand> hands, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
@@ -111,7 +112,7 @@ class LocalWorld {
   [[nodiscard]] bool hand_rests() const noexcept { return hand_m_s_.norm() < tuning_.resting_hand_m_s(); }
   void give_impulses() noexcept;
   void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
-            const Eigen::Vector3d& from_centre_m) noexcept;
+            const Eigen::Vector3d& from_centre_m, bool moves) noexcept;
   void move_bodies(double h) noexcept;
 
   Tuning tuning_;
@@ -131,6 +132,7 @@ class LocalWorld {
   double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
   double proxy_kg_ = 0.0;        ///< In a tick: h(hK + B), as asked for.
   double light_kg_ = 0.0;        ///< The heaviest of the light bodies that were touched in the last step.
+  bool on_free_ = false;         ///< A body that forces move was touched in it.
   std::uint64_t now_ns_ = 0;     ///< The bodies are there.
   std::uint64_t begun_ns_ = 0;   ///< This tick has begun.
   std::optional<double> correction_m_;

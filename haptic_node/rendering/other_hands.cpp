@@ -74,7 +74,7 @@ Impulse OtherHands::book(const Hand& hand, Row& row, std::uint64_t now_ns) noexc
   row.booked = row.given;
   if (hand.tick_ns > 0 && now_ns > hand.time_ns) {
     const auto silent_ns = static_cast<double>(now_ns - hand.time_ns);
-    const auto goes_on_ns = static_cast<double>(hand.longest_ns + hand.tick_ns);
+    const auto goes_on_ns = static_cast<double>(hand.longest_ns + std::min(hand.tick_ns, kLongestGap_ns));
     const bool ended = silent_ns > kEnded * goes_on_ns;
     const double share = ended ? 0.0 : std::min(silent_ns, goes_on_ns) / static_cast<double>(hand.tick_ns);
     row.booked += {share * row.last.linear_n_s, share * row.last.angular_n_m_s};

@@ -193,9 +193,9 @@ bool ProxyContactSet::keep_way_out(const TakenAnswer& taken, std::size_t row, st
     if (!leads_out || names(taken, row, old_[j].normal)) continue;
     matched[j] = true;
     contact = old_[j];
+    contact.fades = false;
     contact.offset_m = old_[j].gap_m - gap_of(contact, bodies, proxy);
     contact.late_m_s.setZero();
-    contact.fades = false;
     return true;
   }
   return false;

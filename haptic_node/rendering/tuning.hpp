@@ -23,7 +23,7 @@ struct Tuning {
   double row_budget = 100.0;
   double parts = 8.0;
   double longest_part_s = 8e-3;
-  double good_periods = 1.5;
+  double good_periods = 2.0;
   double good_besides_s = 3e-3;
   double way_out_s = 0.5;
   double same_contact_cosine = 0.5;
@@ -97,8 +97,9 @@ inline constexpr std::array<TunedValue, 20> kTunedValues{{
     {"longest_part_s", &Tuning::longest_part_s, 5e-3, 10e-3, "s",
      "in more parts where an answer is old: a box on its edge falls over, and what a part misses of that grows",
      "decision 0008, What swings under a hand that rests"},
-    {"good_periods", &Tuning::good_periods, 1.2, 2.0, "periods of physics",
-     "so long an answer is good: the next one is due after one", "decision 0008, Nothing jumps"},
+    {"good_periods", &Tuning::good_periods, 1.5, 2.5, "periods of physics",
+     "so long an answer is good: one that is lost is nothing, the one after it is due by then",
+     "decision 0008, Nothing jumps"},
     {"good_besides_s", &Tuning::good_besides_s, 1e-3, 10e-3, "s", "and so much longer, for the scheduler of physics",
      "decision 0008, Nothing jumps"},
     {"way_out_s", &Tuning::way_out_s, 0.25, 1.0, "s",

@@ -53,7 +53,7 @@ struct AnswerChange : testing::Test, tests::HeldWorld {
 
 TEST_F(AnswerChange, IsEasedInNoFasterThanASurfaceRises) {
   const Vector3d hand_m(kRadius_m - 4e-3, 0, 0);
-  world->reset({kRadius_m, 0, 0});
+  reset({kRadius_m, 0, 0});
   world->take(wall(0.0, now_ns), now_ns);
   for (int i = 0; i < 20; ++i) tick(hand_m);
   const Vector3d before_n = tick(hand_m);
@@ -90,7 +90,7 @@ TEST_F(AnswerChange, ALargeOneOnASoftCouplingIsNoStepAtTheDevice) {
       each.advance(spring, at_ns, kTick_s);
       return Vector3d(each.impulse_n_s() / (kTick_s * force_scale));
     };
-    eased.reset({kRadius_m, 0, 0});
+    eased.reset({kRadius_m, 0, 0}, now_ns);
     eased.take(wall(0.0, at_ns), at_ns);
     Vector3d last_n = Vector3d::Zero(), now_n = last_n, there_n = last_n;
     for (int i = 0; i < 20; ++i, at_ns += rtbus::kNsPerMs) last_n = tick_n(eased);
@@ -109,7 +109,7 @@ TEST_F(AnswerChange, ALargeOneOnASoftCouplingIsNoStepAtTheDevice) {
 
 TEST_F(AnswerChange, ASmallOneIsAsItWas) {
   const Vector3d hand_m(kRadius_m - 4e-3, 0, 0);
-  world->reset({kRadius_m, 0, 0});
+  reset({kRadius_m, 0, 0});
   world->take(wall(0.0, now_ns), now_ns);
   for (int i = 0; i < 20; ++i) tick(hand_m);
   LocalWorld at_once = *world;
@@ -126,7 +126,7 @@ TEST_F(AnswerChange, ASmallOneIsAsItWas) {
 // A world that makes no sense asked for kilonewtons: the next answer takes all but what a period bears back at once.
 TEST_F(AnswerChange, IsNotEasedInForEver) {
   const Vector3d hand_m(kRadius_m - 20.0, 0, 0);
-  world->reset({kRadius_m, 0, 0});
+  reset({kRadius_m, 0, 0});
   world->take(wall(0.0, now_ns), now_ns);
   for (int i = 0; i < 20; ++i) tick(hand_m);
   ASSERT_GT(tick(hand_m).norm(), 5e3);
@@ -140,7 +140,7 @@ TEST_F(AnswerChange, IsNotEasedInForEver) {
 
 // Told 1 mm before the proxy, at 1 m/s towards it; by now its plane is 49 mm on the other side of it.
 TEST_F(AnswerChange, ABodyThatHasGonePastIsNotMet) {
-  world->reset({kRadius_m, 0, 0});
+  reset({kRadius_m, 0, 0});
   for (int i = 0; i < 50; ++i) tick(kRadius_m);
   ProxyContacts passing = body(-1e-3, 1.0, 1e-3, now_ns - 50 * rtbus::kNsPerMs);
   world->take(passing, now_ns);
@@ -149,7 +149,7 @@ TEST_F(AnswerChange, ABodyThatHasGonePastIsNotMet) {
 
 // What physics itself finds so deep is another matter: the proxy is let out.
 TEST_F(AnswerChange, ABodyThatPhysicsHasAroundTheProxyIsMet) {
-  world->reset({kRadius_m, 0, 0});
+  reset({kRadius_m, 0, 0});
   ProxyContacts around = body(0.03, 0.0, -0.03, now_ns);
   around.body_inverse_mass_per_kg[0] = 1e-3;
   world->take(around, now_ns);
@@ -159,7 +159,7 @@ TEST_F(AnswerChange, ABodyThatPhysicsHasAroundTheProxyIsMet) {
 
 // The body that is pressed spins; when its contact is told no more the plane does not come round with it.
 TEST_F(AnswerChange, WhatFadesOnlyRecedes) {
-  world->reset({kRadius_m, 0, 0});
+  reset({kRadius_m, 0, 0});
   ProxyContacts spinning = body(0.0, 0.0, 0.0, now_ns);
   spinning.body_inverse_mass_per_kg[0] = 0.1;
   world->take(spinning, now_ns);

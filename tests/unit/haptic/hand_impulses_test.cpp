@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 #include <memory>
 
@@ -22,7 +23,7 @@ struct HandImpulsesTest : testing::Test {
   void step(std::uint32_t body, const Vector3d& given, const Vector3d& felt, const Vector3d& arm = Vector3d::Zero()) {
     impulses->begin(now_ns, now_ns + rtbus::kNsPerMs);
     now_ns += rtbus::kNsPerMs;
-    if (!given.isZero(0.0)) impulses->give(impulses->hold(body), 0, given, arm);
+    if (!given.isZero(0.0)) impulses->give(impulses->hold(body), 0, given, arm, true);
     impulses->settle(felt);
   }
   [[nodiscard]] rtbus::DeviceState told() const {
@@ -82,8 +83,8 @@ TEST_F(HandImpulsesTest, AStepThatMakesNoSenseLeavesNothingInTheSums) {
 
 TEST_F(HandImpulsesTest, BodiesShareWhatTheLadderTakesAsTheyShareTheForce) {
   impulses->begin(now_ns, now_ns + rtbus::kNsPerMs);
-  impulses->give(impulses->hold(1), 0, {3e-3, 0, 0}, Vector3d::Zero());
-  impulses->give(impulses->hold(2), 1, {0, 1e-3, 0}, Vector3d::Zero());
+  impulses->give(impulses->hold(1), 0, {3e-3, 0, 0}, Vector3d::Zero(), true);
+  impulses->give(impulses->hold(2), 1, {0, 1e-3, 0}, Vector3d::Zero(), true);
   impulses->settle({2e-3, 1e-3, 0});
   EXPECT_NEAR((told_n_s(1) - Vector3d(2.25e-3, 0, 0)).norm(), 0.0, 1e-15);
   EXPECT_NEAR((told_n_s(2) - Vector3d(-0.25e-3, 1e-3, 0)).norm(), 0.0, 1e-15);
@@ -112,6 +113,47 @@ TEST_F(HandImpulsesTest, ARowThatAnotherBodyTakesBeginsAtZeroInANewGeneration) {
   EXPECT_NEAR(told_n_s(50).x(), 2e-3, 1e-15);
   step(0, {1e-3, 0, 0}, {1e-3, 0, 0});
   EXPECT_NEAR(told_n_s(0).x(), 1e-3, 1e-15) << "what was told before is not told again";
+}
+
+// A tool in a corner of a tray, at two blocks.
+TEST_F(HandImpulsesTest, BodiesThatAreTouchedTogetherDoNotTakeRowsFromEachOther) {
+  constexpr std::uint32_t kBodies = rtbus::kHandImpulseRows + 1, kSteps = 10;
+  const auto moves = [](std::uint32_t body) { return body == 0 || body == kBodies - 1; };
+  for (std::uint32_t i = 0; i < kSteps; ++i) {
+    impulses->begin(now_ns, now_ns + rtbus::kNsPerMs);
+    now_ns += rtbus::kNsPerMs;
+    for (std::uint32_t body = 0; body < kBodies; ++body) {
+      impulses->give(impulses->hold(body), body, {1e-3, 0, 0}, Vector3d::Zero(), moves(body));
+    }
+    impulses->settle({1e-3 * kBodies, 0, 0});
+  }
+  for (std::uint32_t body = 0; body < kBodies; ++body) {
+    EXPECT_TRUE(!moves(body) || std::abs(told_n_s(body).x() - 1e-3 * kSteps) < 1e-12) << body;
+  }
+}
+
+// More than device_state has rows for: those that came first are told whole.
+TEST_F(HandImpulsesTest, OfTooManyTheFirstAreTold) {
+  constexpr std::uint32_t kSteps = 10;
+  for (std::uint32_t i = 0; i < kSteps; ++i) {
+    impulses->begin(now_ns, now_ns + rtbus::kNsPerMs);
+    now_ns += rtbus::kNsPerMs;
+    for (std::uint32_t body = 0; body <= rtbus::kHandImpulseRows; ++body) {
+      impulses->give(impulses->hold(body), body, {1e-3, 0, 0}, Vector3d::Zero(), true);
+    }
+    impulses->settle({1e-3 * (rtbus::kHandImpulseRows + 1), 0, 0});
+  }
+  for (std::uint32_t body = 0; body < rtbus::kHandImpulseRows; ++body) {
+    EXPECT_NEAR(told_n_s(body).x(), 1e-3 * kSteps, 1e-12) << body;
+  }
+  EXPECT_EQ(row_of(rtbus::kHandImpulseRows), -1);
+}
+
+TEST_F(HandImpulsesTest, WhatIsNotFiniteIsNothing) {
+  step(7, {1e-3, 0, 0}, {1e-3, 0, 0});
+  step(7, {1e-3, 0, 0}, {std::numeric_limits<double>::quiet_NaN(), 0, 0});
+  step(7, {1e-3, 0, 0}, {1e-3, 0, 0});
+  EXPECT_NEAR(told_n_s(7).x(), 2e-3, 1e-12);
 }
 
 TEST_F(HandImpulsesTest, APlaceIsKeptWhileItIsHeldOrTold) {

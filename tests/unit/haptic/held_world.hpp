@@ -25,6 +25,7 @@ struct HeldWorld {
         damping_n_s_per_m(damping),
         world(std::make_unique<haptic::LocalWorld>(std::forward<More>(more)...)) {}
 
+  void reset(const Eigen::Vector3d& proxy_m) { world->reset(proxy_m, now_ns); }
   /// @returns the force on the hand, N.
   Eigen::Vector3d tick(const Eigen::Vector3d& hand_m, const Eigen::Vector3d& hand_m_s = Eigen::Vector3d::Zero()) {
     now_ns += rtbus::kNsPerMs;

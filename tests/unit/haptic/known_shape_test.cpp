@@ -70,7 +70,7 @@ TEST_P(KnownShape, IsFollowedAroundItsEdgeWithoutNewsOfIt) {
   const auto world = std::make_unique<LocalWorld>(std::vector{cube_of(GetParam())});
   std::uint64_t now_ns = kBegin_ns;
   constexpr double kRadius_m = 0.004;
-  world->reset({0, 0.0142, 0});
+  world->reset({0, 0.0142, 0}, now_ns);
   ProxyContacts top = names_body_0(kRadius_m, now_ns);
   top.contact_point_m[0] = {0, 0.01, 0};
   world->take(top, now_ns);
@@ -95,7 +95,7 @@ TEST(KnownSurface, HoldsHoweverFarTheHandIsBehindThem) {
   const auto world = std::make_unique<LocalWorld>(std::vector{cube_of(true)});
   std::uint64_t now_ns = kBegin_ns;
   constexpr double kRadius_m = 0.002;
-  world->reset({0, 0, 0});
+  world->reset({0, 0, 0}, now_ns);
   ProxyContacts named = names_body_0(kRadius_m, now_ns);
   std::mt19937 random(7);
   std::uniform_real_distribution<double> even(-0.08, 0.08);
@@ -129,7 +129,7 @@ TEST(KnownSurface, OfAGroovePushesFromBothSides) {
       vertices_m, std::vector<std::array<std::uint32_t, 3>>{{0, 1, 3}, {0, 3, 2}, {2, 3, 5}, {2, 5, 4}});
   const auto world = std::make_unique<LocalWorld>(std::vector{groove});
   std::uint64_t now_ns = kBegin_ns;
-  world->reset({0, 0.02, 0});
+  world->reset({0, 0.02, 0}, now_ns);
   ProxyContacts named = names_body_0(kRadius_m, now_ns);
   world->take(named, now_ns);
   Vector3d force_n = Vector3d::Zero();
@@ -162,7 +162,7 @@ TEST(KnownSurface, IsNeverCrossedAtAMeterPerSecond) {
     const double x = 0.02 * even(random);
     Vector3d hand = Vector3d(x, 0, angle % 3 == 0 ? x : 0.02 * even(random)) - 0.005 / std::abs(way.y()) * way;
     std::uint64_t now_ns = kBegin_ns;
-    world->reset(hand);
+    world->reset(hand, now_ns);
     world->take(names_body_0(kRadius_m, now_ns), now_ns);
     for (int i = 0; i < 150 && side * hand.y() > -0.01; ++i) {
       hand += kSpeed_m_s * kStepS * way;
@@ -190,7 +190,7 @@ Way around_twelve_edges(const rtbus::shapes::KnownShape& cube, int ticks) {
   const std::vector<Vector3d> faces{x, y, z, -y, -z, y, -x, -y, x, z, -x, -z, x};
   std::uint64_t now_ns = kBegin_ns;
   Vector3d hand = kDeep_m * faces[0];
-  world->reset((0.01 + kRadius_m) * faces[0]);
+  world->reset((0.01 + kRadius_m) * faces[0], now_ns);
   ProxyContacts named = names_body_0(kRadius_m, now_ns);
   named.contact_point_m[0] = {0.01, 0, 0};
   named.contact_normal[0] = {1, 0, 0};
@@ -251,7 +251,7 @@ TEST(KnownSurface, OfTheFacesOfAHullIsFeltLikeTheHull) {
     named.contact_point_m[0] = {0, 0.02, 0};
     named.contact_friction[0] = 0.2;
     named.step_s = 0.05;
-    world->reset({-0.02, 0.03, 0.003});
+    world->reset({-0.02, 0.03, 0.003}, now_ns);
     forces_n.emplace_back();
     for (int i = 0; i < 1500; ++i) {
       if (i % 50 == 0) {

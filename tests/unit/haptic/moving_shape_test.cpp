@@ -118,7 +118,7 @@ TEST_P(MovingShape, IsTouchedWhereItIsNow) {
   };
   Vector3d proxy_m = told.centre_m + Vector3d(0, 0.05, 0);
   while (gap_m(proxy_m, kAge_s) > 0.0) proxy_m.y() -= 1e-6;
-  held.world->reset(proxy_m);
+  held.reset(proxy_m);
   (void)held.tick(proxy_m);
   const std::uint64_t began_ns = held.now_ns - static_cast<std::uint64_t>(kAge_s * 1e9);
   // As physics would tell it of then: some plane of the body.
@@ -150,7 +150,7 @@ std::vector<Vector3d> push(const KnownShape& known, const Quaterniond& q_BF, con
   told.q_WB = q_BF;
   told.origin_B_m = origin_F_m;
   told.mass_kg = 0.5;
-  held.world->reset({0.015, 0.0145, 0.004});
+  held.reset({0.015, 0.0145, 0.004});
   held.world->take(answer_of(told, {0.015, 0.01, 0.004}, Vector3d::UnitY(), held.now_ns), held.now_ns);
   std::vector<Vector3d> out;
   for (int i = 0; i < 400; ++i) {
@@ -190,7 +190,7 @@ TEST(MovingHull, WithoutAnOrientationIsThePlaneThatIsTold) {
   told.centre_m = told.velocity_m_s = told.rate_rad_s = Vector3d::Zero();
   ProxyContacts answer = answer_of(told, {0, 0.01, 0}, Vector3d::UnitY(), held.now_ns);
   answer.body_orientation_wxyz[0] = {};
-  held.world->reset({0.018, 0.0141, 0});
+  held.reset({0.018, 0.0141, 0});
   held.world->take(answer, held.now_ns);
   for (int i = 0; i < 300; ++i) (void)held.tick(Vector3d(0.018 + 1e-4 * i, 0.012, 0));
   EXPECT_NEAR(held.world->position_m().y(), 0.01 + kRadius_m, 1e-6) << "20 mm beyond the hull's edge";

@@ -164,6 +164,20 @@ TEST_F(OtherHandsTest, AHandNeverGoesOnForMoreThanSixTicks) {
   EXPECT_GT(heard_n_s - before_n_s, 2e-3 * (1 + 5.99));
 }
 
+// One message after a long silence, and then nothing: the push that it tells of is the mean over that silence.
+TEST_F(OtherHandsTest, ASilenceIsNotHowLongAHandGoesOn) {
+  pusher.tick(0.0);
+  hear();
+  pusher.now_ns += 299 * kTick_ns;
+  pusher.tick(0.3);
+  hear();
+  const double before_n_s = heard_n_s;
+  for (int lag = 1; lag <= 29; ++lag) hear(pusher.now_ns + lag * kTick_ns);
+  EXPECT_NEAR(heard_n_s - before_n_s, 10 * 1e-3, 1e-9) << "twice the longest gap, of 5 ms";
+  hear(pusher.now_ns + 31 * kTick_ns);
+  EXPECT_NEAR(heard_n_s - before_n_s, 0.0, 1e-9) << "it has ended";
+}
+
 // Physics drops what lies between two mapping epochs, and what a hand without forces does.
 TEST_F(OtherHandsTest, ANewStartIsNoImpulse) {
   pusher.tick(0.0);
@@ -203,7 +217,7 @@ TEST_F(OtherHandsTest, ARowThatAnotherBodyTookBeginsAtZero) {
 TEST(OtherHandsInTheLocalWorld, ABodyIsReplayedWithThem) {
   Pusher pusher;
   LocalWorld world({}, 1);
-  world.reset({0.1, 0, 0});
+  world.reset({0.1, 0, 0}, pusher.now_ns);
   const auto told = [&](double x_m, double speed_m_s, std::uint64_t time_ns) {
     ProxyContacts out = answer(time_ns);
     out.device_sequence = 1;

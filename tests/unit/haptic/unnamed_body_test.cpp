@@ -13,7 +13,7 @@ TEST(UnnamedBody, ComesToRestAlsoIfItMovesWhateverPushes) {
   constexpr double kPlate_m_s = 1.0;
   auto world = std::make_unique<haptic::LocalWorld>();
   std::uint64_t now_ns = rtbus::kNsPerS;
-  world->reset(Eigen::Vector3d::Zero());
+  world->reset(Eigen::Vector3d::Zero(), now_ns);
   rtbus::ProxyContacts answer;
   answer.device_sequence = 1;
   answer.step_s = 1e-3;

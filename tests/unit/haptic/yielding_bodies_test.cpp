@@ -38,7 +38,7 @@ struct YieldingBodiesTest : testing::Test, tests::HeldWorld {
 };
 
 TEST_F(YieldingBodiesTest, AreASpringInSeriesWithTheHands) {
-  world->reset({0.002, 0, 0});
+  reset({0.002, 0, 0});
   world->take(soft(0.002, now_ns), now_ns);
   double force_n = 0.0;
   for (int i = 0; i <= 100; ++i) force_n = tick(0.002 - 1e-4 * i, -0.1);
@@ -55,7 +55,7 @@ TEST_F(YieldingBodiesTest, AreASpringInSeriesWithTheHands) {
 /// The tool of physics: on a spring like the hand's to where the proxy was, pushed with what the hand felt then.
 double settle(YieldingBodiesTest& test, double told_n_per_m) {
   constexpr double kHand = -0.008;
-  test.world->reset({0.0, 0, 0});
+  test.reset({0.0, 0, 0});
   double force_n = 0.0, tool_m = 0.0;
   std::uint64_t sample_ns = test.now_ns;
   test.world->take(soft(0.0, sample_ns, told_n_per_m), test.now_ns);
@@ -88,7 +88,7 @@ TEST_F(YieldingBodiesTest, AreMetWhereTheyWillBe) {
     ahead.yield_normal[i] = {1, 0, 0};
   }
   ahead.yield_stiffness_n_per_m = 1e4;  // the proxy goes with the tool
-  world->reset({-0.001, 0, 0});
+  reset({-0.001, 0, 0});
   world->take(ahead, now_ns);
   double force_n = 0.0;
   for (int i = 1; i <= 75; ++i) {
@@ -102,7 +102,7 @@ TEST_F(YieldingBodiesTest, HoldAcrossOnlyAsFarAsFrictionDoes) {
   ProxyContacts told = soft(-0.01, now_ns);
   told.yield_stiffness_across_n_per_m = kSoftN_m;
   told.yield_friction = 0.1;
-  world->reset({-0.01, 0, 0});
+  reset({-0.01, 0, 0});
   world->take(told, now_ns);
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();
   for (int i = 0; i < 100; ++i) force_n = tick(Eigen::Vector3d(-0.013, 0.0, 2e-4));
@@ -120,7 +120,7 @@ struct Wavering {
 Wavering wavering(YieldingBodiesTest& test, double rest, double along_m_s) {
   constexpr double kDepth = -0.004;
   Wavering out;
-  test.world->reset({kDepth, 0, 0});
+  test.reset({kDepth, 0, 0});
   for (int answer = 0; answer < 60; ++answer) {
     ProxyContacts told = soft(kDepth, test.now_ns);
     told.yield_reaction_n[0][0] += answer % 2 == 0 ? 0.1 : -0.1;
@@ -153,7 +153,7 @@ TEST_F(YieldingBodiesTest, AreFeltByTheirMeanWhereTheWorldIsAtRest) {
 TEST_F(YieldingBodiesTest, AtRestGiveWayToTheHandAtOnceAndLetItGo) {
   ProxyContacts told = soft(-0.004, now_ns);
   told.yield_rest = 1.0;
-  world->reset({-0.004, 0, 0});
+  reset({-0.004, 0, 0});
   world->take(told, now_ns);
   double before_n = 0.0;
   for (int i = 0; i < 4000; ++i) before_n = tick(-0.006);
@@ -168,7 +168,7 @@ TEST_F(YieldingBodiesTest, AtRestGiveWayToTheHandAtOnceAndLetItGo) {
 TEST_F(YieldingBodiesTest, AHandThatMovesEndsTheMeanBeforeAnAnswerCanSaySo) {
   ProxyContacts told = soft(-0.004, now_ns);
   told.yield_rest = 1.0;
-  world->reset({-0.004, 0, 0});
+  reset({-0.004, 0, 0});
   world->take(told, now_ns);
   const auto unlike_n = [&](double hand_m) {
     const double felt_n = tick(hand_m);
@@ -182,7 +182,7 @@ TEST_F(YieldingBodiesTest, AHandThatMovesEndsTheMeanBeforeAnAnswerCanSaySo) {
 }
 
 TEST_F(YieldingBodiesTest, AnAnswerThatAgreesChangesNoForce) {
-  world->reset({0.0, 0, 0});
+  reset({0.0, 0, 0});
   world->take(soft(0.0, now_ns), now_ns);
   double before_n = 0.0;
   for (int i = 0; i < 100; ++i) before_n = tick(-0.006);
@@ -193,7 +193,7 @@ TEST_F(YieldingBodiesTest, AnAnswerThatAgreesChangesNoForce) {
 }
 
 TEST_F(YieldingBodiesTest, MakeNoEnergyPressedAndReleased) {
-  world->reset({0.0, 0, 0});
+  reset({0.0, 0, 0});
   world->take(soft(0.0, now_ns), now_ns);
   // Half a tick before and half a tick after it: what the hold of a tick gives is the loop's, and the passivity
   // observer's.
@@ -209,7 +209,7 @@ TEST_F(YieldingBodiesTest, MakeNoEnergyPressedAndReleased) {
 }
 
 TEST_F(YieldingBodiesTest, AreGoneWhenAnAnswerSaysSo) {
-  world->reset({0.0, 0, 0});
+  reset({0.0, 0, 0});
   world->take(soft(0.0, now_ns), now_ns);
   double force_n = 0.0;
   for (int i = 0; i < 100; ++i) force_n = tick(-0.006);
