@@ -28,7 +28,7 @@ constexpr double kSameCorners_m = 1e-3, kSameCorners_rad = 5e-3;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
-/// not come to rest: of 24 961 cases in the stability envelope 8 did, with 9 of them or less. With its own spring it
+/// not come to rest: of 24 961 cases in the stability envelope 9 did, with 9 of them or less. With its own spring it
 /// swings once in 28 ticks or faster, which is not slow beside an answer.
 constexpr double kHeavy = 20.0;
 /// Behind a network a support gives way for so long, however old the answer is.
@@ -379,17 +379,17 @@ double FreeBody::light_kg(double proxy_kg) const noexcept {
   return light ? 1.0 / inverse_mass_per_kg_ : 0.0;
 }
 
-bool FreeBody::join(const BodyMotion& motion, const Impulse& heard, bool touched, int self, double h,
+bool FreeBody::join(const BodyMotion& motion, const Impulse& given, bool touched, int self, double h,
                     SolverBody& out) noexcept {
   self_ = SolverContact::kFixed;
   if (inverse_mass_per_kg_ <= 0.0) return false;
   const bool moving = !motion.velocity_m_s.isZero(1e-9) || !motion.angular_velocity_rad_s.isZero(1e-7);
   const bool falls = !supported_ && !force_n_.isZero(0.0);
-  if (!touched && !moving && !falls && heard.is_zero()) return false;
+  if (!touched && !moving && !falls && given.is_zero()) return false;
   self_ = self;
   out = solver_body(motion);
-  out.velocity_m_s += inverse_mass_per_kg_ * (h * force_n_ + heard.linear_n_s);
-  out.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * (h * torque_n_m_ + heard.angular_n_m_s);
+  out.velocity_m_s += inverse_mass_per_kg_ * (h * force_n_ + given.linear_n_s);
+  out.angular_velocity_rad_s += inverse_inertia_per_kg_m2_ * (h * torque_n_m_ + given.angular_n_m_s);
   return true;
 }
 

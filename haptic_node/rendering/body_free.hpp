@@ -39,8 +39,8 @@ class FreeBody {
   }
 
   /// Takes part in a step as body number `self`, if it moves or is touched. @returns whether it does.
-  /// @param heard By other hands in this step.
-  bool join(const BodyMotion& motion, const Impulse& heard, bool touched, int self, double h,
+  /// @param given By other hands in this step, and what the ladder added to the own push of the last one.
+  bool join(const BodyMotion& motion, const Impulse& given, bool touched, int self, double h,
             SolverBody& out) noexcept RTBUS_NONBLOCKING;
 
   /// Completes the row of a contact with the proxy. @param late_m_s What the surface is felt to go beyond the body.

@@ -96,13 +96,13 @@ struct SinceAnswer {
   SolverContact* scratch = nullptr;  ///< Room for the rows of all supports.
   const Tuning& tuning;
   const KnownShapes& shapes;
-  double besides_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
-  bool networked = false;  ///< The answer has come over a network, and is old.
-  double proxy_kg = 0.0;   ///< Mass of the proxy in a tick: h(hK + B).
+  double world_lag_s = 0.0;  ///< The world of the answer is so much older than the hand's sample (WorldClock).
+  bool networked = false;    ///< The answer has come over a network, and is old.
+  double proxy_kg = 0.0;     ///< Mass of the proxy in a tick: h(hK + B).
 
   /// For which the world moves on.
   [[nodiscard]] double seconds() const noexcept {
-    return from_ns < now_ns ? std::max(tick_s, rtbus::seconds_between(from_ns, now_ns) + besides_s) : 0.0;
+    return from_ns < now_ns ? std::max(tick_s, rtbus::seconds_between(from_ns, now_ns) + world_lag_s) : 0.0;
   }
   /// Sum of the hand impulses at that time.
   [[nodiscard]] Impulse given_at(std::uint64_t time_ns) const noexcept { return history.at(time_ns, sum); }

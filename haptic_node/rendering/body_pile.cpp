@@ -16,7 +16,7 @@ Quaterniond PileBody::take(const ToldBody& told, const SinceAnswer& since, const
     set_mobility(since.tuning.pile_mobility_s *
                  std::min(told.loosest_per_kg, told.answer.body_inverse_mass_per_kg[told.row]));
   }
-  const Flow felt = flow_;
+  const Flow before_answer = flow_;
   if (before.time_ns != 0 && since.from_ns > before.time_ns) {
     // Among bodies that give way to each other the speed of an instant is noise: the mean since the last answer is not.
     const double apart_s = rtbus::seconds_between(before.time_ns, since.from_ns);
@@ -25,7 +25,7 @@ Quaterniond PileBody::take(const ToldBody& told, const SinceAnswer& since, const
   motion.centre_m = centre_m + way_m(since.sum.linear_n_s - given_n_s, since.seconds());
   told_ = flow_;
   // Behind a network it is a round trip old as it is. Brought in later still, a stack swung there by 0.054 N.
-  if (!since.networked) flow_ = felt;
+  if (!since.networked) flow_ = before_answer;
   if (!told.complete) motion.slow_down(lasting_m_s);
   return Quaterniond::Identity();
 }

@@ -12,11 +12,14 @@
 
 namespace haptic {
 
-/// A pile gives way like something thick: as it went on the mean over the last period of physics under the mean push of
-/// that period, and faster by `mobility` for what the push is more than that. Cubes that are pushed through each other
-/// at full rate do so (docs/decisions/0008). What stands still under a push stays where it is when the push goes:
-/// against the push nothing comes faster than it came before. What an answer changes in that is brought in with the
-/// blend of the body: at once, a speed is a jump of the damper's force. @realtime Yes.
+/// A pile gives way like a damper:
+///
+///   v = v_mean + mobility · (F − F_mean)
+///
+/// v_mean and F_mean are its speed and the push on it in the mean over the last period of physics. Cubes that are
+/// pushed through each other at full rate do so (docs/decisions/0008). Without the push it does not spring back:
+/// against F_mean it comes no faster than v_mean. What an answer changes in both means is blended in: at once, a speed
+/// is a jump of the damper's force. @realtime Yes.
 class PileBody {
  public:
   /// Where an answer had a body, and what the hand had given it until then.

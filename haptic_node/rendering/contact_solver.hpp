@@ -30,7 +30,7 @@ struct SolverContact {
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< At the point, beyond that of `b`.
   double closing_m_s = 0.0;  ///< The normal velocity must not be below minus this: the gap over the step.
   double friction = 0.0;     ///< Coulomb coefficient.
-  double held_n_s = 0.0;     ///< Normal impulse that is there besides, for friction alone.
+  double held_n_s = 0.0;     ///< Added to the normal impulse in the friction cone alone.
   /// Gives way along the normal by `softness_per_kg` times what the impulse is more than `expected_n_s`.
   double softness_per_kg = 0.0;
   double expected_n_s = 0.0;

@@ -29,7 +29,7 @@ void ImpulseHistory::correct(std::uint64_t end_ns, const Impulse& more) noexcept
 }
 
 std::uint64_t ImpulseHistory::record_after(std::uint64_t time_ns) const noexcept {
-  // By halving.
+  // Binary search.
   std::uint64_t low = count_ > kRecords ? count_ - kRecords : 0;
   std::uint64_t high = count_;
   while (low < high) {

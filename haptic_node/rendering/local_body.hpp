@@ -29,8 +29,9 @@ struct LocalBody {
   PileBody::Known known;                                 ///< By the last answer.
   std::size_t place = 0;                                 ///< Among the hand impulses.
   Impulse heard;                                         ///< By other hands, in the running step.
-  /// The hand felt that in the last step besides what its contacts were solved with: the body gets it in the next one.
-  Impulse besides;
+  /// What easing and safety ladder added to the contact impulses of the last step. A free body gets it in the next one,
+  /// other kinds with the next answer.
+  Impulse ladder_residual;
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody> kind;
 
   /// An impulse of the hand moves it.

@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 
 /// A loop that comes late integrates the time that has passed, up to this many periods.
 constexpr double kShortestStep = 0.5, kLongestStep = 20.0;
-/// A finger that rests damps by 1 to 10 N s/m (docs/facts).
+/// Less than the hand itself has: its models damp by 1 N s/m and more (drivers/simulated/hand_config.cpp).
 constexpr double kRestingDamping_n_s_per_m = 0.5;
 
 }  // namespace

@@ -82,11 +82,12 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
       std::max(tuning_.good_periods * answer.step_s + tuning_.good_besides_s, kGoodForAge * network_s);
   good_until_ns_ = now_ns + static_cast<std::uint64_t>(good_s * 1e9);
   const double history_ns = std::max(tuning_.history_periods() * answer.step_s, kHistoryAges * network_s) * 1e9;
+  const auto apart_ns = static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords);
   // Without a network samples and steps keep in step.
   const double after_s = clock_.sample_after_world_s(answer.step_index, answer.step_s, answer.device_time_ns);
-  world_before_s_ = networked_ ? after_s : 0.0;
-  impulses_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
-  other_hands_.keep_apart(static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords));
+  world_lag_s_ = networked_ ? after_s : 0.0;
+  impulses_.keep_apart(apart_ns);
+  other_hands_.keep_apart(apart_ns);
   proxy_.radius_m = answer.proxy_radius_m;
   ease_s_ = std::max(kEasesFloors * tuning_.blend_floor_s, std::min(answer.step_s, kLongestEase_s));
   correction_m_.reset();
@@ -137,7 +138,7 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   // All are taken: one that this answer has not named so far must go, and is not felt: the contacts of that are to
   // recede.
   std::array<bool, kBodies> felt{};
-  for (const auto& contact : contacts_.all()) felt[contact.body] = felt[contact.body] || contact.felt();
+  for (const auto& contact : contacts_.all()) felt[contact.body] = felt[contact.body] || contact.active();
   for (const bool unfelt : {true, false}) {
     for (std::size_t slot = 0; slot < kBodies; ++slot) {
       if (bodies_[slot].named || (unfelt && felt[slot])) continue;
@@ -199,7 +200,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     body.place = impulses_.hold(body.index);
   }
   body.used = body.named = true;
-  body.besides = Impulse{};  // it is in the history
+  body.ladder_residual = Impulse{};  // it is in the history
   const SinceAnswer since{answer.device_time_ns,
                           now_ns,
                           parts,
@@ -210,7 +211,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
                           rows_.data(),
                           tuning_,
                           shapes_.known(),
-                          world_before_s_,
+                          world_lag_s_,
                           networked_,
                           proxy_kg_};
   const Impulse then = since.given_at(since.from_ns);
@@ -244,7 +245,6 @@ void LocalWorld::follow_shape(const ToldBody& told, LocalBody& body) const noexc
   const bool moves = free != nullptr ? free->has_shape() : body.as<DrivenBody>() != nullptr && told.knows_orientation();
   const bool follows = shape >= 0 && (shapes_.known()[shape].stands ? stands : moves);
   body.shape = follows ? shape : -1;
-  if (!follows || stands) return;
   body.origin_B_m = told.origin_B_m();
 }
 
@@ -274,7 +274,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   contacts_.blend(bodies_, h);
   if (solve(spring, h) > 0) give_impulses();
   ease(spring, h);
-  if (yielding_.felt()) {
+  if (yielding_.averages()) {
     calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
     impulse_n_s_ += calm_n_s_;
   }
@@ -369,10 +369,10 @@ void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
 /// Without answers everything comes to rest, and so does what the last answer does not name: a body that moves whatever
 /// pushes would take the proxy along for ever.
 void LocalWorld::brake(double h) noexcept {
-  const bool news = begun_ns_ <= good_until_ns_;
+  const bool answer_good = begun_ns_ <= good_until_ns_;
   const double slower = std::exp(-h / tuning_.blend_floor_s);
   for (LocalBody& body : slots()) {
-    if (!body.used || (body.named && news)) continue;
+    if (!body.used || (body.named && answer_good)) continue;
     body.motion.brake(slower);
     if (auto* const free = body.as<FreeBody>()) free->brake();
     if (auto* const pile = body.as<PileBody>()) pile->brake(slower);
@@ -397,7 +397,7 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
       on_free_ = true;
     }
     Impulse given = bodies_[slot].heard;
-    given += bodies_[slot].besides;
+    given += bodies_[slot].ladder_residual;
     const bool joins =
         free->join(bodies_[slot].motion, given, touched[slot], next, h, solver_bodies_[static_cast<std::size_t>(next)]);
     next += joins ? 1 : 0;
@@ -421,7 +421,7 @@ void LocalWorld::give_impulses() noexcept {
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
     auto& contact = contacts_.of_row(i);
     contact.impulse_n_s = rows_[i].impulse_n_s;
-    if (!contact.felt()) continue;
+    if (!contact.active()) continue;
     const LocalBody& body = bodies_[contact.body];
     give(body.place, contact.body, contact.impulse_n_s, contact.from_centre_m, body.is_moved());
     if (body.as<DrivenBody>() == nullptr) continue;
@@ -447,7 +447,7 @@ void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
   impulses_.settle(impulse_n_s + calm_n_s_);
   for (const auto& entry : impulses_.entries()) {
     if (entry.slot == kBodies) continue;  // what yields feels it in physics
-    bodies_[entry.slot].besides += entry.more;
+    bodies_[entry.slot].ladder_residual += entry.more;
   }
 }
 
@@ -456,7 +456,7 @@ void LocalWorld::move_bodies(double h) noexcept {
   for (std::size_t slot = 0; slot < slots_; ++slot) {
     LocalBody& body = bodies_[slot];
     if (!body.used) continue;
-    body.besides = Impulse{};
+    body.ladder_residual = Impulse{};
     if (auto* const driven = body.as<DrivenBody>()) driven->advance(step, body.motion);
     if (auto* const free = body.as<FreeBody>()) {
       free->advance(step, supports_, body.motion);

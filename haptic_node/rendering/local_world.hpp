@@ -65,7 +65,7 @@ class LocalWorld {
   void hear(std::span<const OtherHand> hands, std::uint64_t sample_ns) noexcept RTBUS_NONBLOCKING;
 
   /// What the proxy would bear in the step of `h` that comes, without the answer that is about to be taken: advance()
-  /// changes the force by no more than Tuning::recovery_m_s allows a surface to change it.
+  /// eases in what the answer changes in that.
   void foresee(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept RTBUS_NONBLOCKING;
 
   /// An answer has come.
@@ -128,13 +128,13 @@ class LocalWorld {
   Eigen::Vector3d hand_m_s_ = Eigen::Vector3d::Zero();  ///< Mean over about Tuning::noise_s.
   std::uint64_t good_until_ns_ = 0;
   WorldClock clock_;
-  bool networked_ = false;       ///< The last answer came over a network.
-  double world_before_s_ = 0.0;  ///< SinceAnswer::besides_s of it.
-  double proxy_kg_ = 0.0;        ///< In a tick: h(hK + B), as asked for.
-  double light_kg_ = 0.0;        ///< The heaviest of the light bodies that were touched in the last step.
-  bool on_free_ = false;         ///< A body that forces move was touched in it.
-  std::uint64_t now_ns_ = 0;     ///< The bodies are there.
-  std::uint64_t begun_ns_ = 0;   ///< This tick has begun.
+  bool networked_ = false;      ///< The last answer came over a network.
+  double world_lag_s_ = 0.0;    ///< SinceAnswer::world_lag_s of it.
+  double proxy_kg_ = 0.0;       ///< In a tick: h(hK + B), as asked for.
+  double light_kg_ = 0.0;       ///< The heaviest of the light bodies that were touched in the last step.
+  bool on_free_ = false;        ///< A body that forces move was touched in it.
+  std::uint64_t now_ns_ = 0;    ///< The bodies are there.
+  std::uint64_t begun_ns_ = 0;  ///< This tick has begun.
   std::optional<double> correction_m_;
   double tick_s_ = 1e-3;  ///< Of the last step.
 

@@ -188,7 +188,7 @@ bool ProxyContactSet::keep_way_out(const TakenAnswer& taken, std::size_t row, st
   const auto good_ns = static_cast<std::uint64_t>(good_s * 1e9);
   for (std::size_t j = 0; j < old_count; ++j) {
     const bool leads_out = !matched[j] && old_[j].body == contact.body && taken.now_ns <= old_[j].named_ns + good_ns &&
-                           old_[j].felt() && gap_of(old_[j], bodies, proxy) < 0.0 &&
+                           old_[j].active() && gap_of(old_[j], bodies, proxy) < 0.0 &&
                            old_[j].normal.dot(contact.normal) < 0.0;
     if (!leads_out || names(taken, row, old_[j].normal)) continue;
     matched[j] = true;
@@ -249,14 +249,14 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     follow(contact, bodies, proxy, shapes, std::numbers::pi);
     const std::size_t best = match(contact, old_count, matched);
     const bool of_pile = bodies[slot].as<PileBody>() != nullptr;
-    if (of_pile && contact.radius_m <= 0.0 && best < old_count && old_[best].felt()) {
+    if (of_pile && contact.radius_m <= 0.0 && best < old_count && old_[best].active()) {
       contact.told_normal = std::exchange(contact.normal, old_[best].normal);
     }
     const double gap_m = gap_of(contact, bodies, proxy);
     if (best == old_count && gap_m < 0.0 && keep_way_out(taken, row, old_count, matched, bodies, proxy, contact)) {
       continue;
     }
-    const bool felt = best < old_count && old_[best].felt();
+    const bool felt = best < old_count && old_[best].active();
     // What physics has before the proxy, and what has come to be behind it unfelt, has gone past it: the plane goes on
     // where its body has ended.
     const bool past = !felt && bodies[contact.body].as<FixedBody>() == nullptr && gap_m < -behind_m(proxy) &&
@@ -270,7 +270,7 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
       contact.impulse_n_s = old_[best].impulse_n_s;
     }
     const LocalBody& body = bodies[contact.body];
-    if (contact.felt()) {
+    if (contact.active()) {
       contact.offset_m = old_[best].gap_m - gap_m;
       correction_m = std::max(correction_m.value_or(0.0), std::abs(contact.offset_m - old_[best].offset_m));
       if (!of_pile) {
@@ -283,7 +283,7 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     }
   }
   for (std::size_t j = 0; j < old_count && count_ < kContacts; ++j) {
-    if (matched[j] || !old_[j].felt() || !bodies[old_[j].body].used) continue;
+    if (matched[j] || !old_[j].active() || !bodies[old_[j].body].used) continue;
     Contact& contact = contacts_[count_++];
     contact = old_[j];
     if (!contact.fades && shapes.is_named(contact.surface)) {
@@ -310,7 +310,7 @@ void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
     }
     if (contact.fades) {
       // It recedes until it is felt no more.
-      if (!contact.felt()) continue;
+      if (!contact.active()) continue;
       contact.offset_m += tuning_.recovery_m_s * h;
       contact.faded_m += h * carried_m_s(contact, bodies[contact.body].motion);
     } else if (contact.offset_m != 0.0 || !contact.late_m_s.isZero(0.0)) {
@@ -359,8 +359,7 @@ bool ProxyContactSet::bend(Bodies bodies, const LocalProxy& proxy, const Vector3
       point_m = minima[m].point_m;
       outward = way;
     }
-    if (best_cosine <= tuning_.same_contact_cosine) return false;
-    return true;
+    return best_cosine > tuning_.same_contact_cosine;
   };
   const Vector3d end_m = proxy.position_m + way_m;
   Vector3d point_m, turned;
@@ -394,7 +393,7 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     const Vector3d surface = carried_m_s(contact, bodies[contact.body].motion) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
     const double way_m = -contact.normal.dot(free_m_s - surface) * h;
-    const bool past = !contact.felt() && contact.gap_m < -behind_m(proxy) - std::abs(way_m);
+    const bool past = !contact.active() && contact.gap_m < -behind_m(proxy) - std::abs(way_m);
     if (count == kSolved || past || contact.gap_m > way_m + tuning_.reach_m()) {
       contact.impulse_n_s.setZero();
       continue;
@@ -420,8 +419,8 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
       const bool throws = moves(i) || moves(j);
       if (rows[i].normal.dot(rows[j].normal) >= (throws ? 0.0 : -tuning_.same_contact_cosine)) continue;
       const bool both = rows[i].closing_m_s < 0.0 && rows[j].closing_m_s < 0.0;
-      if (both || (throws && of_row(j).felt())) rows[i].closing_m_s = std::max(0.0, rows[i].closing_m_s);
-      if (both || (throws && of_row(i).felt())) rows[j].closing_m_s = std::max(0.0, rows[j].closing_m_s);
+      if (both || (throws && of_row(j).active())) rows[i].closing_m_s = std::max(0.0, rows[i].closing_m_s);
+      if (both || (throws && of_row(i).active())) rows[j].closing_m_s = std::max(0.0, rows[j].closing_m_s);
     }
   }
   return count;

@@ -57,13 +57,13 @@ class ProxyContactSet {
     double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in …
     double blend_m_s = 0.0;                                 ///< … and how fast the surface rises by that.
     double gap_m = 0.0;                                     ///< As of the last step, offset included.
-    Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity: likewise.
+    Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity; decays with the blend.
     bool fades = false;                                     ///< Physics does not know it any more …
     Eigen::Vector3d faded_m = Eigen::Vector3d::Zero();      ///< … it is a plane here, which only recedes.
     std::uint64_t named_ns = 0;                             ///< When physics named it last.
     Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On the proxy, in the last step.
 
-    [[nodiscard]] bool felt() const noexcept { return !impulse_n_s.isZero(0.0); }
+    [[nodiscard]] bool active() const noexcept { return !impulse_n_s.isZero(0.0); }
   };
   using Bodies = std::span<const LocalBody>;
 

@@ -114,12 +114,12 @@ Vector3d YieldingBodies::calm_n_s(const SolverContact* rows, const Vector3d& eas
     rests_at_m_ = goal_m;
     rests_s_ = 0.0;
   }
-  const bool begins = calm_ <= 0.0;
-  calm_ += std::clamp((rests_s_ < kMoves_s ? 0.0 : rest_) - calm_, -h / kCalms_s, h / kCalms_s);
+  const bool begins = mean_weight_ <= 0.0;
+  mean_weight_ += std::clamp((rests_s_ < kMoves_s ? 0.0 : rest_) - mean_weight_, -h / kCalms_s, h / kCalms_s);
   const Vector3d moved_m = goal_m - goal_m_;
   goal_m_ = goal_m;
   const Vector3d now_n = impulse_n_s(rows) / h + eased_n;
-  if (begins || calm_ <= 0.0 || (count_ == 0 && mean_n_.norm() < kNoForce_n)) {
+  if (begins || mean_weight_ <= 0.0 || (count_ == 0 && mean_n_.norm() < kNoForce_n)) {
     mean_n_ = now_n;
     return Vector3d::Zero();
   }
@@ -129,7 +129,7 @@ Vector3d YieldingBodies::calm_n_s(const SolverContact* rows, const Vector3d& eas
     mean_n_ = std::max(0.0, size_n - std::min(stiffness_n_per_m, kStiffer * series_n_per_m) * n.dot(moved_m)) * n;
   }
   mean_n_ -= std::expm1(-h / mean_s_) * (now_n - mean_n_);
-  return h * calm_ * (mean_n_ - now_n);
+  return h * mean_weight_ * (mean_n_ - now_n);
 }
 
 void YieldingBodies::keep(const SolverContact* rows, double h) noexcept {

@@ -31,7 +31,7 @@ class YieldingBodies {
 
   void forget() noexcept {
     count_ = 0;
-    rest_ = calm_ = 0.0;
+    rest_ = mean_weight_ = 0.0;
     rests_s_ = 0.0;
     mean_n_.setZero();
     normal_n_s_ = 0.0;
@@ -44,7 +44,7 @@ class YieldingBodies {
 
   [[nodiscard]] bool near() const noexcept { return count_ > 0; }
   /// Whether there is anything to average: something is near, or its mean is still felt.
-  [[nodiscard]] bool felt() const noexcept { return near() || calm_ > 0.0; }
+  [[nodiscard]] bool averages() const noexcept { return near() || mean_weight_ > 0.0; }
 
   /// The row of the tick of `h` that ends at `now_ns`; what acts across is given to `proxy` at once.
   /// @returns rows added, 0 or 1.
@@ -84,8 +84,8 @@ class YieldingBodies {
   Eigen::Vector3d across_n_s_ = Eigen::Vector3d::Zero();
   std::size_t row_ = kNoRow;
   double mean_s_;
-  double rest_ = 0.0;                                     ///< As told last.
-  double calm_ = 0.0;                                     ///< On its way to that, unless the hand moves.
+  double rest_ = 0.0;         ///< As told last.
+  double mean_weight_ = 0.0;  ///< 0 to 1: so much of the mean is felt. On its way to that, unless the hand moves.
   Eigen::Vector3d rests_at_m_ = Eigen::Vector3d::Zero();  ///< Where the hand was last seen to move …
   double rests_s_ = 0.0;                                  ///< … and the time since then.
   Eigen::Vector3d mean_n_ = Eigen::Vector3d::Zero();      ///< What is felt where the world is at rest.
