@@ -30,6 +30,10 @@ struct Blend {
   [[nodiscard]] static Blend of_rocking(const Tuning& tuning, double step_s) noexcept {
     return {std::max(tuning.noise_s, tuning.slow_blend_periods * step_s)};
   }
+  /// A light body swings on the hand's spring faster than answers come: what they say of an instant is noise.
+  [[nodiscard]] static Blend of_light_at_rest(const Tuning& tuning, double step_s) noexcept {
+    return {std::max(tuning.noise_s, tuning.blend_periods * step_s)};
+  }
   /// Over a network, with a body that the hand pushes. Jitter makes the world take the hand's impulses unevenly, so a
   /// body is now a little ahead and now a little behind; what the hand does about it comes back a round trip later.
   /// @param age_s Of the answer.

@@ -229,6 +229,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     auto& free = body.become<FreeBody>();
     turned = free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
     if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
+    if (hand_rests() && free.light_kg(proxy_kg_) > 0.0) body.blend = Blend::of_light_at_rest(tuning_, answer.step_s);
   }
   if (networked_ && body.as<FreeBody>() != nullptr) body.blend = body.blend.over_network(since.seconds());
   body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};

@@ -16,8 +16,9 @@ using rtbus::vector_of;
 constexpr double kSoftest_n_per_m = 1e-3;
 /// The mean is brought in, and given up, within so long.
 constexpr double kCalms_s = 0.1;
-/// A hand that has moved by that is not at rest for so long, whatever answers still say: they are late.
-constexpr double kMoves_m = 1e-3, kMoves_s = 0.5;
+/// A hand that has moved by that is not at rest for so long, whatever answers still say: they are late. One that creeps
+/// rests, as physics has it: it is held against its mean place over so long.
+constexpr double kMoves_m = 1e-3, kMoves_s = 0.5, kCreeps_s = 1.0;
 /// What the hand moves by counts by so much more than what is told of the stiffness: with less than the body's the mean
 /// would not be passive, and what is told is not sharp.
 constexpr double kStiffer = 2.0;
@@ -114,6 +115,7 @@ Vector3d YieldingBodies::calm_n_s(const SolverContact* rows, const Vector3d& eas
     rests_at_m_ = goal_m;
     rests_s_ = 0.0;
   }
+  rests_at_m_ += std::min(1.0, h / kCreeps_s) * (goal_m - rests_at_m_);
   const bool begins = mean_weight_ <= 0.0;
   mean_weight_ += std::clamp((rests_s_ < kMoves_s ? 0.0 : rest_) - mean_weight_, -h / kCalms_s, h / kCalms_s);
   const Vector3d moved_m = goal_m - goal_m_;

@@ -86,8 +86,8 @@ class YieldingBodies {
   double mean_s_;
   double rest_ = 0.0;         ///< As told last.
   double mean_weight_ = 0.0;  ///< 0 to 1: so much of the mean is felt. On its way to that, unless the hand moves.
-  Eigen::Vector3d rests_at_m_ = Eigen::Vector3d::Zero();  ///< Where the hand was last seen to move …
-  double rests_s_ = 0.0;                                  ///< … and the time since then.
+  Eigen::Vector3d rests_at_m_ = Eigen::Vector3d::Zero();  ///< Mean place of the hand since it moved last …
+  double rests_s_ = 0.0;                                  ///< … which is so long ago.
   Eigen::Vector3d mean_n_ = Eigen::Vector3d::Zero();      ///< What is felt where the world is at rest.
   Eigen::Vector3d goal_m_ = Eigen::Vector3d::Zero();      ///< Of the last tick.
 };

@@ -244,6 +244,7 @@ void BulletWorld::tool_reaction(std::size_t index, double radius_m, double ahead
   borne.told_m = now.tool_m;
   borne.told_s = borne.time_s;
   out.stiffness_n_per_m = borne.stiffness_n_per_m;
+  out.rest = rest();
 }
 
 }  // namespace physics::bullet

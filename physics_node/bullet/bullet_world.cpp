@@ -238,6 +238,26 @@ void BulletWorld::find_light_bodies(double below_kg) {
   }
 }
 
+/// Hands and rigid bodies, those that move by themselves too: they have no mass, which makes them static for Bullet as
+/// well. What yields may rattle on. A body that turns by 20 mrad moves by RestWatch::kWay_m at the end of kArm_m.
+void BulletWorld::watch_rest(double h) {
+  constexpr double kArm_m = 0.05;
+  rest_.begin();
+  for (std::size_t i = 0; i < proxies_.size(); ++i) {
+    const BulletProxy& hand = tools_[i] ? *tools_[i] : *proxies_[i];
+    if (!proxies_[i]->released()) rest_.see(hand.target().hand_m);
+  }
+  for (const SceneBody& body : bodies_) {
+    if (body.light || (body.rigid->isStaticObject() && !body.rigid->isKinematicObject())) continue;
+    const btTransform& pose = body.rigid->getWorldTransform();
+    const Vector3d origin_m = from_bullet(pose.getOrigin(), scale_);
+    rest_.see(origin_m);
+    rest_.see(origin_m + kArm_m * from_bullet(pose.getBasis().getColumn(0)));
+    rest_.see(origin_m + kArm_m * from_bullet(pose.getBasis().getColumn(1)));
+  }
+  rest_.end(h);
+}
+
 void BulletWorld::drop_tool(std::size_t index) {
   if (!tools_[index]) return;
   take_out(*tools_[index]);
@@ -344,6 +364,7 @@ void BulletWorld::step(double step_s) {
   }
   pushed_.swap(pushes_);
   pushes_.clear();
+  if (any_light_ || anything_yields()) watch_rest(h);
   before_dynamics(h);
   world_->stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
   after_dynamics(h);

@@ -11,6 +11,7 @@
 #include "physics_node/bullet/bullet_proxy.hpp"
 #include "physics_node/bullet/bullet_shapes.hpp"
 #include "physics_node/bullet/bullet_solver.hpp"
+#include "physics_node/bullet/rest_watch.hpp"
 #include "physics_node/engine/engine_module.hpp"
 
 namespace physics::bullet {
@@ -102,6 +103,8 @@ class BulletWorld : public World {
   /// And what it touched longer ago is owed nothing.
   static constexpr double kPaid_s = 0.5;
   [[nodiscard]] const Borne& borne(std::size_t proxy) const { return borne_[proxy]; }
+  /// How much hands and bodies that do not yield to tools are at rest, 0 to 1.
+  [[nodiscard]] double rest() const noexcept { return rest_.share(); }
 
   /// Whether it is known which parts that yield a tool touched last, so that Borne::left_n reaches them.
   [[nodiscard]] virtual bool touched_last(std::size_t tool) const;
@@ -139,6 +142,7 @@ class BulletWorld : public World {
   void take_out(BulletProxy& proxy);
   void drop_tool(std::size_t proxy);
   void find_light_bodies(double below_kg);
+  void watch_rest(double h);
   void bear_tools(double h);
   [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
   /// @param light Those of bodies that yield to tools, or those of the others.
@@ -167,6 +171,7 @@ class BulletWorld : public World {
   std::vector<double> tick_s_;  // by proxy
   std::vector<Borne> borne_;    // likewise
   bool any_light_ = false;
+  RestWatch rest_;
   /// Forces of placed proxies on bodies: for the next step, and of the last one, for contacts().
   struct Push {
     std::size_t proxy, body;

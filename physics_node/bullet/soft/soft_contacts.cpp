@@ -78,7 +78,7 @@ void SoftWorld::tool_reaction(std::size_t proxy, double radius_m, double ahead_s
   if (!(nearest_m <= radius_m)) return BulletWorld::tool_reaction(proxy, radius_m, ahead_s, velocity_m_s, out);
   out.instants[0] = instant_at(0.0, bears.mean_m, bears.mean_n, tool.radius(), all);
   out.count = 1;
-  out.rest = rest_.share();
+  out.rest = rest();
   out.friction = friction * static_cast<double>(tool.body().getFriction());
   if (!near.empty()) look_ahead(tool, ahead_s, velocity_m_s, near, bears.steps, seen, out);
   const double guess_n_per_m = tool.target().stiffness_n_per_m;

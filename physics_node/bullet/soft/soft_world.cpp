@@ -53,33 +53,12 @@ SoftWorld::~SoftWorld() {
 
 void SoftWorld::before_dynamics(double h) {
   h_ = h;
-  watch_rest(h);
   for (const auto& body : bodies_) body->before_step(h);
   for (std::size_t i = 0; i < touched_.size(); ++i) {
     if (!tools()[i] || borne(i).left_n.isZero(0.0)) continue;
     for (const Touched::Node& each : touched_[i].nodes)
       each.node->m_f += to_bullet(each.share * borne(i).left_n, scale());
   }
-}
-
-/// Hands and rigid bodies, those that move by themselves too: they have no mass, which makes them static for Bullet as
-/// well. A body that turns by 20 mrad moves by RestWatch::kWay_m at the end of kArm_m.
-void SoftWorld::watch_rest(double h) {
-  constexpr double kArm_m = 0.05;
-  rest_.begin();
-  for (std::size_t i = 0; i < proxies().size(); ++i) {
-    const BulletProxy& hand = tools()[i] ? *tools()[i] : *proxies()[i];
-    if (!proxies()[i]->released()) rest_.see(hand.target().hand_m);
-  }
-  for (const SceneBody& body : scene_bodies()) {
-    if (body.rigid->isStaticObject() && !body.rigid->isKinematicObject()) continue;
-    const btTransform& pose = body.rigid->getWorldTransform();
-    const Vector3d origin_m = from_bullet(pose.getOrigin(), scale());
-    rest_.see(origin_m);
-    rest_.see(origin_m + kArm_m * from_bullet(pose.getBasis().getColumn(0)));
-    rest_.see(origin_m + kArm_m * from_bullet(pose.getBasis().getColumn(1)));
-  }
-  rest_.end(h);
 }
 
 /// Not where the tool has touched a light body after the nodes.

@@ -8,7 +8,6 @@
 
 #include "physics_node/bullet/bullet_world.hpp"
 #include "physics_node/bullet/nearest.hpp"
-#include "physics_node/bullet/soft/rest_watch.hpp"
 #include "physics_node/bullet/soft/soft_dynamics.hpp"
 #include "physics_node/bullet/soft/soft_made.hpp"
 #include "physics_node/bullet/soft/tool_ahead.hpp"
@@ -81,7 +80,6 @@ class SoftWorld final : public BulletWorld {
   void after_dynamics(double h) override;
   void collide();
   void note_touched(std::size_t tool);
-  void watch_rest(double h);
   void collide_with_body(btSoftBody& soft, const SceneBody& body, double hardness);
   /// @param massless The tool of drive_tool().
   void collide_with_proxy(btSoftBody& soft, BulletProxy& proxy, double hardness, bool massless);
@@ -109,7 +107,6 @@ class SoftWorld final : public BulletWorld {
   std::vector<Touched> touched_;                // by proxy
   std::vector<int> contacts_before_;            // by body, before those of a tool
   std::vector<NearPoint> near_;                 // kept for its memory
-  RestWatch rest_;
   double h_ = 1e-3;
   std::uint64_t recoveries_ = 0;
 };

@@ -130,6 +130,31 @@ TEST_F(LocalWorldTest, TurnsABodyByTheTorqueOfOthers) {
 
 // In a pile that falls in, the supports of a cube may find no place in the message. It cannot be moved then, and must
 // not carry the hand away with the speed that it had when it was told of.
+// On a spring of 500 N/m without damping 0.1 kg swing for ever. A hand that rests has some damping of its own.
+TEST_F(LocalWorldTest, ABodySwingsOutUnderAHandThatRests) {
+  const auto swing_n = [this](double hand_m_s, double resting_damping_n_s_per_m) {
+    reset({0, 0, 0});
+    ProxyContacts answer = body(0.0, -0.02, now_ns);
+    answer.step_s = 2.0;
+    answer.body_external_force_n[0] = {1.0, 0, 0};  // pressed to the hand
+    world->take(answer, now_ns);
+    double least_n = 1e9, most_n = 0.0;
+    for (int i = 0; i < 2000; ++i) {
+      now_ns += rtbus::kNsPerMs;
+      world->advance(
+          {{-kStepS * hand_m_s * i, 0, 0}, {-hand_m_s, 0, 0}, kStiffness, 0.0, 1.0, resting_damping_n_s_per_m}, now_ns,
+          kStepS);
+      if (i < 800) continue;
+      least_n = std::min(least_n, world->impulse_n_s().x() / kStepS);
+      most_n = std::max(most_n, world->impulse_n_s().x() / kStepS);
+    }
+    return most_n - least_n;
+  };
+  EXPECT_GT(swing_n(0.0, 0.0), 0.1);
+  EXPECT_LT(swing_n(0.0, 0.5), 0.05);
+  EXPECT_GT(swing_n(0.01, 0.5), 0.1) << "one that moves has what the session gives";
+}
+
 TEST_F(LocalWorldTest, ABodyWithoutItsSupportsDoesNotCarryTheHandAway) {
   reset({0, 0, 0});
   ProxyContacts answer = body(0.0, 0.35, now_ns);
@@ -462,6 +487,35 @@ ProxyContacts held_light(double force_n, std::uint64_t sample_ns) {
   out.support_force_n[0] = force_n;
   out.body_external_force_n[0] = {force_n, 0, 0};
   return out;
+}
+
+// An answer has a light body 0.1 mm deeper than it was felt. Under a hand that rests that is brought in slowly.
+TEST_F(LocalWorldTest, ALightBodyUnderAHandThatRestsIsPutRightSlowly) {
+  constexpr double kDeeper_m = 0.1e-3, kDepth_m = 0.5e-3;
+  const auto put_right = [this](double hand_m_s) {
+    const Vector3d hand_m(-kDepth_m, 0, 0), hand(0, 0, hand_m_s);
+    const auto answer = [&](double x_m) {
+      ProxyContacts out = held_light(kStiffness * kDepth_m, now_ns);
+      out.step_s = 5e-3;
+      out.body_centre_m[0][0] += x_m;
+      out.contact_point_m[0][0] += x_m;
+      out.support_point_m[0][0] += x_m;
+      return out;
+    };
+    reset({0, 0, 0});
+    for (int i = 0; i < 40; ++i) {
+      world->take(answer(0.0), now_ns);
+      for (int k = 0; k < 5; ++k) tick(hand_m, hand);
+    }
+    const double before_m = world->position_m().x();
+    for (int i = 0; i < 2; ++i) {
+      world->take(answer(-kDeeper_m), now_ns);
+      for (int k = 0; k < 5; ++k) tick(hand_m, hand);
+    }
+    return (before_m - world->position_m().x()) / kDeeper_m;
+  };
+  EXPECT_NEAR(put_right(0.0), 1.0 - std::exp(-10e-3 / haptic::Tuning{}.noise_s), 0.05);
+  EXPECT_NEAR(put_right(0.02), 1.0 - std::exp(-10e-3 / haptic::Tuning{}.blend_floor_s), 0.05);
 }
 
 // The ladder leaves half of the force. What that gives the body is over with the next answer: its surface has not gone.

@@ -181,6 +181,31 @@ TEST_F(YieldingBodiesTest, AHandThatMovesEndsTheMeanBeforeAnAnswerCanSaySo) {
   EXPECT_LT(left_n, 1e-9);
 }
 
+// A tool that creeps aside on a soft body is felt by the mean as one that stands is, however far it comes.
+TEST_F(YieldingBodiesTest, AHandThatCreepsRests) {
+  const auto wavers_n = [this](double creeps_m_s) {
+    constexpr double kDepth = -0.004;
+    reset({kDepth, 0, 0});
+    double least_n = 1e9, most_n = 0.0, aside_m = 0.0;
+    for (int answer = 0; answer < 100; ++answer) {
+      ProxyContacts told = soft(kDepth, now_ns);
+      told.yield_reaction_n[0][0] += answer % 2 == 0 ? 0.1 : -0.1;
+      told.yield_rest = 1.0;
+      world->take(told, now_ns);
+      for (int i = 0; i < 50; ++i) {
+        aside_m += creeps_m_s * kTickS;
+        const double force_n = tick({-0.006, aside_m, 0}, {0, creeps_m_s, 0}).x();
+        if (answer < 40) continue;
+        least_n = std::min(least_n, force_n);
+        most_n = std::max(most_n, force_n);
+      }
+    }
+    return most_n - least_n;
+  };
+  EXPECT_LT(wavers_n(0.5e-3), 0.02);
+  EXPECT_GT(wavers_n(10e-3), 0.08);
+}
+
 TEST_F(YieldingBodiesTest, AnAnswerThatAgreesChangesNoForce) {
   reset({0.0, 0, 0});
   world->take(soft(0.0, now_ns), now_ns);

@@ -1,6 +1,6 @@
 #pragma once
 /// @file rest_watch.hpp
-/// For how long no hand and no rigid body has moved.
+/// For how long no hand and no body that does not yield has moved.
 #include <algorithm>
 #include <cstddef>
 #include <vector>
@@ -12,8 +12,9 @@ namespace physics::bullet {
 /// Places are seen in the same order in each step: begin(), see() for each, end(). One thread.
 class RestWatch {
  public:
-  /// What stays within this of where it was last seen to move, rests: a hand that holds still trembles by less.
-  static constexpr double kWay_m = 1e-3;
+  /// What stays within this of where it was on the mean over the last kMean_s, rests: a hand that holds still trembles
+  /// by less. So a tool that creeps over a soft body, slower than 1 mm/s, rests too.
+  static constexpr double kWay_m = 1e-3, kMean_s = 1.0;
   /// A world is at rest by a share that grows from 0 to 1 between this time and twice this time.
   static constexpr double kAfter_s = 0.5;
 
@@ -32,6 +33,8 @@ class RestWatch {
     moves_ = moves_ || seen_ != from_m_.size();
     rests_s_ = moves_ ? 0.0 : rests_s_ + h;
     if (moves_) from_m_ = now_m_;
+    const double share = std::min(1.0, h / kMean_s);
+    for (std::size_t i = 0; i < seen_; ++i) from_m_[i] += share * (now_m_[i] - from_m_[i]);
   }
 
   /// How much the world is at rest, 0 to 1.
