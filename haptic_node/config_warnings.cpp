@@ -151,4 +151,21 @@ std::string damping_raised(const HapticConfig& config) {
          config.method + " rings the tip where physics is slow";
 }
 
+std::string beyond_passive(const HapticConfig& config) {
+  const double passive_n_per_m = config.passive_stiffness_n_per_m();
+  const auto stiffness = [](double n_per_m) {  // not -1.02e+03
+    return std::abs(n_per_m) < 100.0 ? three_digits(n_per_m) : std::to_string(std::lround(n_per_m));
+  };
+  if (config.stiffness_n_per_m <= std::max(0.0, passive_n_per_m)) return "";
+  const std::string formula = "2(b - |B|)/T = 2(" + three_digits(config.device->info().viscous_damping_n_s_per_m) +
+                              " - " + three_digits(std::abs(config.damping_n_s_per_m)) + " N s/m)/" +
+                              three_digits(1e3 / config.rate_hz) + " ms = " + stiffness(passive_n_per_m) + " N/m";
+  const std::string up_to = passive_n_per_m > 0.0 ? " a sampled wall passive only up to " + formula
+                                                  : " no sampled wall passive (" + formula + ")";
+  return "the device's own damping alone makes" + up_to + "; " +
+         (config.safety.passivity.control
+              ? "the passivity controller covers the " + stiffness(config.stiffness_n_per_m) + " N/m of this session"
+              : "nothing else does here: the passivity controller only observes");
+}
+
 }  // namespace haptic

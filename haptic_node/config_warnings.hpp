@@ -17,4 +17,8 @@ namespace haptic {
 /// Why more damping is rendered than the session requests; empty: it is not.
 [[nodiscard]] std::string damping_raised(const HapticConfig& config);
 
+/// That the stiffness is above what the device's own damping makes passive, with the formula's figures, and what covers
+/// it; empty: it is not.
+[[nodiscard]] std::string beyond_passive(const HapticConfig& config);
+
 }  // namespace haptic

@@ -243,6 +243,11 @@ bool Loop::forces_enabled(bool device_ok, std::uint64_t now_ns) noexcept {
   // A loop that was held up for longer than the device holds a force begins anew, and so does one whose physics came
   // back.
   const bool held_up = last_cycle_ns_ != 0 && now_ns - last_cycle_ns_ > force_timeout_ns_;
+  if (held_up && enabled_) {  // else there was no force to begin anew
+    last_pause_ns_ = now_ns - last_cycle_ns_;
+    counters_.count_pause();
+    note(LoopEvent::kPaused);
+  }
   if (held_up || std::exchange(begin_anew_, false)) enabled_ = false;
   last_cycle_ns_ = now_ns;
   enable_edge(enabled, sample_.time_ns);

@@ -61,7 +61,8 @@ enum class LoopEvent : std::uint8_t {
   kClutched,
   kReleased,
   kEstopped,
-  kRearmed
+  kRearmed,
+  kPaused  ///< The loop stood for longer than the device holds a force: last_pause_ns().
 };
 
 class Loop {
@@ -82,6 +83,9 @@ class Loop {
 
   /// The next unreported event of the last cycle; kNone when there is none left. @realtime Yes.
   [[nodiscard]] LoopEvent take_event() noexcept RTBUS_NONBLOCKING;
+
+  /// How long the loop stood at its last LoopEvent::kPaused. Loop's thread. @realtime Yes.
+  [[nodiscard]] std::uint64_t last_pause_ns() const noexcept RTBUS_NONBLOCKING { return last_pause_ns_; }
 
   /// Everything about the last cycle. Loop's thread only.
   [[nodiscard]] const rtbus::Telemetry& telemetry() const noexcept { return telemetry_; }
@@ -164,6 +168,7 @@ class Loop {
   bool write_failed_ = false;  ///< The last force was not sent: the device applies zero, or will within its time-out.
   std::uint64_t force_timeout_ns_;  ///< The device's own.
   std::uint64_t last_cycle_ns_ = 0;
+  std::uint64_t last_pause_ns_ = 0;
   bool enabled_ = false;
   bool begin_anew_ = false;       ///< The next cycle enables forces anew: physics has returned.
   std::uint64_t enabled_ns_ = 0;  ///< When forces were enabled; answers to earlier samples are void.

@@ -46,6 +46,8 @@ void LoopCounters::count_correction(double correction_m) noexcept {
   }
 }
 
+void LoopCounters::count_pause() noexcept { bump(pauses); }
+
 rtbus::LoopStats LoopCounters::stats() const {
   const auto load = [](const auto& counter) { return counter.load(std::memory_order_relaxed); };
   const auto us = [](std::uint64_t ns) { return static_cast<double>(ns) * 1e-3; };
@@ -86,6 +88,7 @@ rtbus::LoopStats LoopCounters::stats() const {
   out.device_lost = load(device_lost);
   out.losses = load(losses);
   out.last_loss_ns = load(last_loss_ns);
+  out.pauses = load(pauses);
   return out;
 }
 

@@ -53,13 +53,24 @@ const char* describe(LoopEvent event) {
       return "E-stop: force fades to zero, until it is re-armed (rtbus estop --rearm)";
     case LoopEvent::kRearmed:
       return "re-armed after the E-stop: force ramps up";
+    case LoopEvent::kPaused:  // tell_pause()
+      break;
   }
   return "";
 }
 
+/// @param stood_ms,held_ms Of the loop without a cycle, and of the device with an old force.
+std::string tell_pause(double stood_ms, double held_ms) {
+  return fmt::format(
+      "the loop stood for {:.0f} ms, longer than the {:.0f} ms that the device holds a force: the force "
+      "begins anew",
+      stood_ms, held_ms);
+}
+
 bool is_warning(LoopEvent event) {
   return event == LoopEvent::kLinkLost || event == LoopEvent::kLinkLags || event == LoopEvent::kOtherScene ||
-         event == LoopEvent::kDeviceLost || event == LoopEvent::kOverspeed || event == LoopEvent::kEstopped;
+         event == LoopEvent::kDeviceLost || event == LoopEvent::kOverspeed || event == LoopEvent::kEstopped ||
+         event == LoopEvent::kPaused;
 }
 
 /// Ring that holds at least two seconds of ticks, for readers that follow in order.
@@ -174,11 +185,8 @@ rtbus::Result<void, NodeFault> Node::start() {
   if (const std::string raised = damping_raised(config_); !raised.empty()) {
     spdlog::info("{}: {}", config_.name, raised);
   }
-  if (const double passive = std::max(0.0, config_.passive_stiffness_n_per_m()); config_.stiffness_n_per_m > passive) {
-    spdlog::info(
-        "{}: the device's own viscous damping makes a sampled wall passive up to {:g} N/m = 2(b - |B|)/T; beyond it "
-        "friction, the hand and the passivity controller must",
-        config_.name, passive);
+  if (const std::string beyond = beyond_passive(config_); !beyond.empty()) {
+    spdlog::info("{}: {}", config_.name, beyond);
   }
   if (config_.wire.paper) {
     spdlog::info("{}: form paper: explicit spring at the server, absolute damping, {:g} packets/s by {}; passivity {}",
@@ -245,8 +253,7 @@ void Node::after_cycle() noexcept {
   last_tick_ns_.store(now_ns, std::memory_order_relaxed);
   if (observed_.load(std::memory_order_relaxed)) topics_->telemetry.publish(loop_->telemetry(), now_ns);
   for (LoopEvent event = loop_->take_event(); event != LoopEvent::kNone; event = loop_->take_event()) {
-    const rtbus::Telemetry& t = loop_->telemetry();
-    events_.push(now_ns, static_cast<std::int32_t>(event), t.force_n[0], t.force_n[1], t.force_n[2]);
+    events_.push(now_ns, static_cast<std::int32_t>(event), 1e-6 * static_cast<double>(loop_->last_pause_ns()));
   }
 }
 
@@ -289,7 +296,9 @@ void Node::report_events() {
   if (const std::string notice = device_->take_notice(); !notice.empty()) spdlog::info("{}: {}", config_.name, notice);
   events_.drain([this](const rtbus::Event& record) {
     const auto event = static_cast<LoopEvent>(record.code);
-    spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name, describe(event));
+    spdlog::log(is_warning(event) ? spdlog::level::warn : spdlog::level::info, "{}: {}", config_.name,
+                event == LoopEvent::kPaused ? tell_pause(record.values[0], 1e3 * device_->info().force_timeout_s)
+                                            : describe(event));
   });
   if (const rtbus::RenewalCount renewals = topics_->renewals(); renewals != renewals_told_) {
     spdlog::warn("{}: {}", config_.name, renewals.text());

@@ -172,6 +172,7 @@ struct LoopStats {
                 passivity_ticks = 0, device_lost = 0;  ///< Ticks in which that stage acted.
   std::uint64_t losses = 0;                            ///< Times physics was declared lost.
   std::uint64_t last_loss_ns = 0;                      ///< When; 0: never.
+  std::uint64_t pauses = 0;  ///< Times the loop stood for longer than the device holds a force, and began it anew.
 };
 
 /// `<haptic>.telemetry`, every tick while an observer is attached: inputs and outputs of the cycle.
@@ -357,7 +358,7 @@ struct SampleTraits<LoopStats> {
                                       RTBUS_FIELD(T, nonfinite, "1"),          RTBUS_FIELD(T, overspeed, "1"),
                                       RTBUS_FIELD(T, thermal_limited, "1"),    RTBUS_FIELD(T, passivity_ticks, "1"),
                                       RTBUS_FIELD(T, device_lost, "1"),        RTBUS_FIELD(T, losses, "1"),
-                                      RTBUS_FIELD(T, last_loss_ns, "ns")};
+                                      RTBUS_FIELD(T, last_loss_ns, "ns"),      RTBUS_FIELD(T, pauses, "1")};
 };
 template <>
 struct SampleTraits<Telemetry> {
@@ -438,7 +439,7 @@ static_assert(sizeof(DeviceState) == 560 && Sample<DeviceState>);
 static_assert(sizeof(ProxyState) == 232 && Sample<ProxyState>);
 static_assert(sizeof(Heartbeat) == 40 && Sample<Heartbeat>);
 static_assert(sizeof(NodeInfo) == 552 && Sample<NodeInfo>);
-static_assert(sizeof(LoopStats) == 280 && Sample<LoopStats>);
+static_assert(sizeof(LoopStats) == 288 && Sample<LoopStats>);
 static_assert(sizeof(Telemetry) == 240 && Sample<Telemetry>);
 static_assert(sizeof(StepStats) == 88 && Sample<StepStats>);
 static_assert(sizeof(BodyPoses) == 3624 && Sample<BodyPoses>);

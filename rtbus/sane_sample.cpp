@@ -206,7 +206,8 @@ bool SampleTraits<LoopStats>::sane(const T& s, std::uint64_t stamp_ns) noexcept 
                             s.correction_max_mm};
   return within(figures, kAny) &&
          all_counted(s.ticks_due, s.ticks, s.overruns, s.clamped, s.slew_limited, s.stale_ticks, s.nonfinite,
-                     s.overspeed, s.thermal_limited, s.passivity_ticks, s.device_lost, s.losses, s.corrections) &&
+                     s.overspeed, s.thermal_limited, s.passivity_ticks, s.device_lost, s.losses, s.pauses,
+                     s.corrections) &&
          not_after(s.last_loss_ns, stamp_ns);
 }
 

@@ -174,6 +174,21 @@ TEST(HapticConfig, SaysHowFarTheDampingWasRaised) {
   EXPECT_EQ(said("null"), "");
 }
 
+// No alarm at each start: a wall that only the passivity controller makes passive is the usual case.
+TEST(HapticConfig, SaysWithFiguresWhatTheOwnDampingMakesPassive) {
+  const auto said = [](const std::string& coupling) {
+    auto session = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/drop.yaml",
+                                               {rtbus::config::parse_override("haptic.0.coupling=" + coupling)});
+    return haptic::beyond_passive(haptic::read_haptic_config(session, 0));
+  };
+  EXPECT_EQ(said("{stiffness_n_per_m: 300, damping_n_s_per_m: 0.55}"),
+            "the device's own damping alone makes no sampled wall passive (2(b - |B|)/T = 2(0.04 - 0.55 N s/m)/1 ms = "
+            "-1020 N/m); the passivity controller covers the 300 N/m of this session");
+  EXPECT_THAT(said("{stiffness_n_per_m: 300, damping_n_s_per_m: 0.02}"),
+              testing::HasSubstr("makes a sampled wall passive only up to 2(b - |B|)/T"));
+  EXPECT_EQ(said("{stiffness_n_per_m: 30, damping_n_s_per_m: 0.02}"), "");
+}
+
 // Without `method` a session gets the most exact one that its link and scene allow.
 TEST(HapticConfig, ChoosesTheMethodThatTheSessionAllows) {
   const auto chosen = [](const char* file, const std::vector<std::string>& settings, std::size_t hand = 0) {

@@ -60,6 +60,7 @@ void NodeHealth::add_loop(Status& row) {
   if (first) before = now;
   warn_if_grown(row, "overruns", before.overruns, now.overruns);
   warn_if_grown(row, "losses of physics", before.losses, now.losses);
+  warn_if_grown(row, "pauses of the loop", before.pauses, now.pauses);
   warn_if_grown(row, "ticks without the device", before.device_lost, now.device_lost);
   add(row, "rate_hz", now.achieved_hz);
   add(row, "ticks", now.ticks);
