@@ -216,11 +216,13 @@ constexpr const char* kAll = "all";
 /// How an experiment ended that could not be judged; of the processes of `all` among themselves. To the outside it is
 /// kExitFailed.
 constexpr int kNotJudged = 3;
+/// Likewise of one that a signal cut short.
+constexpr int kCutShort = 4;
 /// What this machine has no means for; ctest's number.
 constexpr int kExitSkipped = 77;
-int exit_status(int ended) { return ended == kNotJudged ? kExitFailed : ended; }
+int exit_status(int ended) { return ended == kNotJudged || ended == kCutShort ? kExitFailed : ended; }
 
-/// @returns the exit status, or kNotJudged.
+/// @returns the exit status, kNotJudged or kCutShort.
 int evaluate_one(const Row& row, const EvaluateOptions& options, const std::string& command_line) {
   const std::string name = row.name;
   try {
@@ -248,8 +250,8 @@ int evaluate_one(const Row& row, const EvaluateOptions& options, const std::stri
     if (options.one_case && row.run == &run_stability) {
       return show_stability_case(stability_of(options), *options.one_case, experiment.folder());
     }
-    row.run(options, experiment);
-    const int status = experiment.finish(options.json);
+    const int status = experiment.run([&] { row.run(options, experiment); }, options.json);
+    if (experiment.verdict() == Verdict::kInterrupted) return kCutShort;
     const bool not_judged = experiment.verdict() != Verdict::kPass && experiment.verdict() != Verdict::kFail;
     return status == kExitFailed && not_judged ? kNotJudged : status;
   } catch (const rtbus::config::Error& error) {
@@ -358,6 +360,7 @@ int evaluate_all(const EvaluateOptions& options, const std::string& command_line
     std::fprintf(to, "  %-16s %8.0f %8.0f  %s\n", one.name.c_str(), one.wall_s, one.cpu_s,
                  one.status == kExitFine    ? "passed"
                  : one.status == kNotJudged ? "not judged: the machine was too busy or is too slow"
+                 : one.status == kCutShort  ? "interrupted"
                                             : "FAILED");
   }
   std::fprintf(to, "  %-16s %8.0f %8.0f  %zu of %zu experiments passed", "all", wall_s, cpu_s, passed, ended.size());

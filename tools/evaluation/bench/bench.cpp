@@ -28,26 +28,26 @@ int bench(const BenchOptions& options, const std::string& command_line) {
   try {
     if (options.what == "devices") {
       Experiment experiment("bench", options.what, command_line, std::filesystem::path(options.out) / options.what);
-      bench_devices({}, experiment);
-      return experiment.finish(options.json);
+      return experiment.run([&] { bench_devices({}, experiment); }, options.json);
     }
     if (options.what == "external") {
       Experiment experiment("bench", options.what, command_line, std::filesystem::path(options.out) / options.what);
-      bench_external({find_session("wall"), find_session("free_block"), options.quick ? 3.0 : 10.0}, experiment);
-      return experiment.finish(options.json);
+      const auto measure = [&] {
+        bench_external({find_session("wall"), find_session("free_block"), options.quick ? 3.0 : 10.0}, experiment);
+      };
+      return experiment.run(measure, options.json);
     }
     if (options.what == "bridge") {
       Experiment experiment("bench", options.what, command_line, std::filesystem::path(options.out) / options.what);
-      bench_bridge({find_session("stack_125"), options.quick ? 3.0 : 10.0}, experiment);
-      return experiment.finish(options.json);
+      const auto measure = [&] { bench_bridge({find_session("stack_125"), options.quick ? 3.0 : 10.0}, experiment); };
+      return experiment.run(measure, options.json);
     }
     BenchPhysicsOptions physics;
     for (const std::string& session : options.sessions) physics.session_files.push_back(find_session(session));
     physics.assignments = options.assignments;
     if (options.quick) physics.steps = 300;
     Experiment experiment("bench", options.what, command_line, std::filesystem::path(options.out) / options.what);
-    bench_physics(physics, experiment);
-    return experiment.finish(options.json);
+    return experiment.run([&] { bench_physics(physics, experiment); }, options.json);
   } catch (const rtbus::config::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kExitUsage;

