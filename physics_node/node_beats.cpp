@@ -11,6 +11,7 @@
 #include "physics_node/node_topics.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/realtime.hpp"
+#include "rtbus/why_behind.hpp"
 
 namespace physics {
 namespace {
@@ -103,10 +104,9 @@ void Node::Beats::warn_when_slow() {
   checked_wall_s_ = stats_.wall_s;
   checked_simulated_s_ = stats_.simulated_s;
   if (share > kKeepsUp) return;
-  spdlog::warn(
-      "physics: too slow for {:g} Hz: simulated time runs at {:.0f} % of real time (median step so far {:.3g} ms); "
-      "lower physics.rate_hz or physics.solver_iterations, or make the scene smaller",
-      stats_.rate_hz, 100.0 * share, stats_.step_p50_ms);
+  spdlog::warn("physics: {} {:g} Hz: simulated time runs at {:.0f} % of real time; {}",
+               rtbus::steps_fit(stats_) ? "behind its" : "too slow for", stats_.rate_hz, 100.0 * share,
+               rtbus::why_behind(stats_, node_.config_.physics.engine));
   quiet_rounds_ = kWarnAgainAfter;
 }
 

@@ -205,10 +205,35 @@ TEST(Report, TextWarnsWhenTheTwoLoopsWereNotGrantedTheSame) {
   EXPECT_THAT(to_text(report), HasSubstr("do not compare"));
 }
 
+TEST(Report, TextNamesTheCauseWherePhysicsLags) {
+  RunReport report = make_report();
+  rtbus::StepStats& stats = report.physics->stats;
+  stats.rate_hz = 1000.0;
+  stats.wall_s = 20.0;
+  stats.simulated_s = 18.0;
+  stats.step_p50_ms = 0.35;
+  EXPECT_THAT(to_text(report), HasSubstr("BEHIND        simulated time ran at 90.0 % of real time: steps take 0.35 ms "
+                                         "at the median and fit into 1 ms"));
+  stats.step_p50_ms = 1.1;
+  EXPECT_THAT(to_text(report), HasSubstr("TOO SLOW"));
+  EXPECT_THAT(to_text(report), Not(HasSubstr("solver_iterations"))) << "the engine is analytic";
+}
+
+TEST(Report, TextTellsOfASecondOutOfBalanceOnlyWhereItMatters) {
+  RunReport report = make_report();
+  ASSERT_FALSE(report.physics->proxies.empty());
+  report.physics->proxies[0].impulse = {1.14, 1.15, 0.05, 6};
+  EXPECT_THAT(to_text(report), HasSubstr("1.14 N s on the hand, 1.15 N s on the world, over 6 s of contact\n"));
+  report.physics->proxies[0].impulse.worst = 0.367;
+  EXPECT_THAT(to_text(report), HasSubstr("in one of these seconds they differ by 36.7 %: normal where"));
+}
+
 TEST(Report, TextNamesOnlySafetyCountersThatAreNotZero) {
   RunReport report = make_report();
   report.haptic[0].stats.losses = 1;
   EXPECT_THAT(to_text(report), HasSubstr("slew limited 7 ticks, losses of physics 1\n"));
+  report.haptic[0].stats.pauses = 2;
+  EXPECT_THAT(to_text(report), HasSubstr("slew limited 7 ticks, losses of physics 1, pauses of the loop 2\n"));
   report.haptic[0].stats = {};
   EXPECT_THAT(to_text(report), HasSubstr("nothing was cut"));
 }

@@ -216,6 +216,33 @@ TEST(TopView, SaysWhetherPhysicsKeepsItsRate) {
   EXPECT_THAT(all(of), HasSubstr("kept 18.0 of 18 Hz"));
   of.physics[0].stats->achieved_hz = 9.0;
   EXPECT_THAT(all(of), HasSubstr("TOO SLOW 9.0 of 18 Hz"));
+  of.physics[0].stats->steps = 100;
+  of.physics[0].stats->step_p50_ms = 60.0;
+  EXPECT_THAT(all(of), HasSubstr("TOO SLOW 9.0 of 18 Hz"));
+  of.physics[0].stats->step_p50_ms = 1.0;
+  EXPECT_THAT(all(of), HasSubstr("BEHIND, the machine is busy: 9.0 of 18 Hz"));
+}
+
+TEST(TopView, SaysEStopAndHowToReArmAlsoWithoutTelemetry) {
+  auto of = snapshot();
+  EXPECT_THAT(all(of), Not(HasSubstr("E-STOP")));
+  EXPECT_TRUE(tools::top_json(of)["haptic"][0]["estop"].is_null());
+  of.haptic[0].estop = "rtbus estop";
+  of.haptic[0].device->enabled = 0;
+  of.haptic[0].recent.reset();
+  EXPECT_THAT(all(of), HasSubstr("haptic0 alive  E-STOP, re-arm with R or rtbus estop --rearm"));
+  EXPECT_THAT(all(of), HasSubstr("forces OFF: E-STOP"));
+  EXPECT_THAT(all(of), HasSubstr("last cut  E-STOP (rtbus estop), zero force until re-armed"));
+  EXPECT_THAT(screen(of, 60, 20), HasSubstr("E-STOP, re-arm with R"));
+  EXPECT_EQ(tools::top_json(of)["haptic"][0]["estop"], "rtbus estop");
+}
+
+TEST(TopView, CountsPausesOfTheLoop) {
+  auto of = snapshot();
+  EXPECT_THAT(all(of), Not(HasSubstr("loop stood")));
+  of.haptic[0].stats->pauses = 2;
+  EXPECT_THAT(all(of), HasSubstr("loop stood 2 x"));
+  EXPECT_EQ(tools::top_json(of)["haptic"][0]["safety"]["pauses"], 2);
 }
 
 TEST(TopView, CountsRestarts) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "rtbus/why_behind.hpp"
 #include "tools/cli/common/text_table.hpp"
 #include "tools/cli/run/report.hpp"
 
@@ -44,22 +45,22 @@ std::string cost_text(const ProcessCost& cost, double duration_s) {
 }
 
 std::string safety_text(const rtbus::LoopStats& s) {
-  const std::array<std::pair<const char*, std::uint64_t>, 9> counters{{{"clamped", s.clamped},
-                                                                       {"slew limited", s.slew_limited},
-                                                                       {"stale", s.stale_ticks},
-                                                                       {"not finite", s.nonfinite},
-                                                                       {"overspeed", s.overspeed},
-                                                                       {"thermally limited", s.thermal_limited},
-                                                                       {"damped for passivity", s.passivity_ticks},
-                                                                       {"device lost", s.device_lost},
-                                                                       {"losses of physics", s.losses}}};
+  const std::array<std::pair<const char*, std::uint64_t>, 8> ticks{{{"clamped", s.clamped},
+                                                                    {"slew limited", s.slew_limited},
+                                                                    {"stale", s.stale_ticks},
+                                                                    {"not finite", s.nonfinite},
+                                                                    {"overspeed", s.overspeed},
+                                                                    {"thermally limited", s.thermal_limited},
+                                                                    {"damped for passivity", s.passivity_ticks},
+                                                                    {"device lost", s.device_lost}}};
+  const std::array<std::pair<const char*, std::uint64_t>, 2> times{
+      {{"losses of physics", s.losses}, {"pauses of the loop", s.pauses}}};
   std::string text;
-  for (const auto& [name, count] : counters) {
-    if (count == 0) continue;
-    text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);
-    if (count == s.losses && name == counters.back().first) continue;
-    text += " ticks";
-  }
+  const auto add = [&](const char* name, std::uint64_t count, const char* unit) {
+    if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count) + unit;
+  };
+  for (const auto& [name, count] : ticks) add(name, count, " ticks");
+  for (const auto& [name, count] : times) add(name, count, "");
   return text.empty() ? "nothing was cut" : text;
 }
 
@@ -146,6 +147,19 @@ void add_haptic(std::string& out, const RunReport& report, const HapticFigures& 
 
 constexpr double kKeepsUp = 0.99;  // of real time
 
+/// The two sums of Newton's third law. A single second may differ for reasons that are no error: they are told only
+/// where it matters.
+std::string momentum_text(const ImpulseBalance::Figures& impulse) {
+  constexpr double kWorthTelling = 0.1;
+  std::string text = figure(impulse.hand_n_s) + " N s on the hand, " + figure(impulse.world_n_s) +
+                     " N s on the world, over " + std::to_string(impulse.windows) + " s of contact";
+  if (impulse.worst > kWorthTelling) {
+    text += "; in one of these seconds they differ by " + figure(100.0 * impulse.worst) +
+            " %: normal where contact begins or ends in it, or where a late proxy drags";
+  }
+  return text;
+}
+
 std::string share_of_real_time(const rtbus::StepStats& s) { return fixed(100.0 * s.simulated_s / s.wall_s, 1) + " %"; }
 
 void add_physics(std::string& out, const PhysicsFigures& physics, double duration_s) {
@@ -156,20 +170,16 @@ void add_physics(std::string& out, const PhysicsFigures& physics, double duratio
        std::to_string(s.steps) + " of " + std::to_string(s.due) + " due, " + std::to_string(s.late) +
            " late, at last " + figure(s.achieved_hz) + " Hz");
   if (s.wall_s > 0.0 && s.simulated_s < kKeepsUp * s.wall_s) {
-    line(out, "TOO SLOW",
-         "simulated time ran at " + share_of_real_time(s) + " of real time: lower physics.rate_hz or " +
-             "physics.solver_iterations, or make the scene smaller");
+    line(out, rtbus::steps_fit(s) ? "BEHIND" : "TOO SLOW",
+         "simulated time ran at " + share_of_real_time(s) +
+             " of real time: " + rtbus::why_behind(s, rtbus::text_of(physics.info.kind)));
   }
   line(out, "step", percentiles(s.step_p50_ms, s.step_p99_ms, s.step_max_ms, "ms"));
   for (const ProxyFigures& proxy : physics.proxies) {
     line(out, "proxy",
          proxy.device + ": in contact " + share(proxy.in_contact, proxy.published) + ", contact force rms " +
              figure(proxy.contact_n.rms()) + ", peak " + figure(proxy.contact_n.peak) + " N");
-    if (proxy.impulse.windows == 0) continue;
-    line(out, "momentum",
-         figure(proxy.impulse.hand_n_s) + " N s felt, " + figure(proxy.impulse.world_n_s) +
-             " N s given to the world in " + std::to_string(proxy.impulse.windows) +
-             " s of contact; a second differs by at most " + figure(100.0 * proxy.impulse.worst) + " %");
+    if (proxy.impulse.windows > 0) line(out, "momentum", momentum_text(proxy.impulse));
   }
   line(out, "process", cost_text(physics.cost, duration_s));
   line(out, "left out", rtbus::text_of(physics.info.left_out));

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "rtbus/clock.hpp"
+#include "rtbus/order_messages.hpp"
 #include "tools/cli/common/choose.hpp"
 #include "tools/cli/host/loop_cores.hpp"
 #include "tools/cli/top/top_view.hpp"
@@ -42,6 +43,7 @@ struct TopCollector::Node {
         loop_stats(session, name + ".loop_stats"),
         device_state(session, name + ".device_state"),
         link_stats(session, name + ".link_stats"),
+        orders(session, name + ".orders"),
         step_stats(session, name + ".step_stats") {
     if (follow_telemetry) telemetry.emplace(session, name + ".telemetry", true);
   }
@@ -55,6 +57,7 @@ struct TopCollector::Node {
   Follow<rtbus::LoopStats> loop_stats;
   Follow<rtbus::DeviceState> device_state;
   Follow<rtbus::LinkStats> link_stats;  ///< Never comes where there is no link.
+  Follow<rtbus::Orders> orders;         ///< Likewise without `rtbus run`.
   Follow<rtbus::StepStats> step_stats;
   std::optional<Follow<rtbus::Telemetry>> telemetry;
   RecentSignals signals;
@@ -117,6 +120,9 @@ void TopCollector::add_nodes(TopSnapshot& snapshot, const std::vector<rtbus::Top
     view.info = info;
     view.device = value_of(node->device_state.newest());
     view.link = value_of(node->link_stats.newest());
+    if (const auto& order = node->orders.newest(); order && order->value.estop != 0) {
+      view.estop = rtbus::text_of(order->value.reason);
+    }
     node->take_telemetry();
     // Its own clock: what came while it was read is not from the future.
     if (node->telemetry) view.recent = node->signals.view(rtbus::monotonic_ns(), node->telemetry->missed());

@@ -194,7 +194,10 @@ void HapticLines::add_position(Lines& lines) const {
   ViewLine line("  position  x " + units.length(p[0]) + "  y " + units.length(p[1]) + "  z " + units.length(p[2]) +
                 " " + units.length_unit());
   const bool on = view_.device->enabled != 0;
-  line.add(on ? "   forces on" : "   forces OFF", on ? Tone::kPlain : Tone::kWarn);
+  line.add(on            ? "   forces on"
+           : view_.estop ? "   forces OFF: E-STOP"
+                         : "   forces OFF",
+           on ? Tone::kPlain : Tone::kWarn);
   line.add(formatted("   speed %.3f m/s", norm_of(v)));
   line.add("   buttons" + (pressed.empty() ? std::string(" -") : pressed));
   lines.push_back(std::move(line));
@@ -271,6 +274,7 @@ void HapticLines::add_safety(Lines& lines) const {
   }
   line.add(any ? " ticks" : "nothing acted");
   if (stats.losses > 0) line.add(formatted("   physics lost %llu x", count(stats.losses)), Tone::kWarn);
+  if (stats.pauses > 0) line.add(formatted("   loop stood %llu x", count(stats.pauses)), Tone::kWarn);
   lines.push_back(std::move(line));
 }
 
@@ -295,6 +299,12 @@ void HapticLines::add_link(Lines& lines) const {
 
 void HapticLines::add_cut(Lines& lines) const {
   ViewLine line(std::string("  last cut  "));
+  if (view_.estop) {
+    line.add("E-STOP", Tone::kBad);
+    line.add((view_.estop->empty() ? "" : " (" + *view_.estop + ")") + ", zero force until re-armed");
+    lines.push_back(std::move(line));
+    return;
+  }
   if (view_.recent && view_.recent->cut) {
     const CutView& cut = *view_.recent->cut;
     line.add(cut_text(cut.bits), cut.ongoing ? Tone::kBad : Tone::kWarn);

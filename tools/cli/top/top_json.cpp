@@ -46,7 +46,8 @@ Json stats_json(const rtbus::LoopStats& s) {
                     {"thermal_limited", s.thermal_limited},
                     {"passivity_ticks", s.passivity_ticks},
                     {"device_lost", s.device_lost},
-                    {"losses", s.losses}};
+                    {"losses", s.losses},
+                    {"pauses", s.pauses}};
   return json;
 }
 
@@ -85,6 +86,7 @@ Json haptic_json(const HapticView& view) {
                        {"limit", view.info ? Json(view.info->force_limit_n) : Json(nullptr)}};
     json["last_loss_age_s"] = or_null(view.loss_age_s);
   }
+  json["estop"] = view.estop ? Json(*view.estop) : Json(nullptr);
   if (view.link) json["link"] = link_json(*view.link);
   json["recent"] = view.recent ? recent_json(*view.recent) : Json(nullptr);
   if (view.device) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rtbus/why_behind.hpp"
 #include "tools/cli/common/formatted.hpp"
 #include "tools/cli/top/top_haptic_lines.hpp"
 
@@ -48,6 +49,7 @@ Lines haptic_lines(const HapticView& view, Detail detail, bool chosen, const Lin
   Lines lines;
   ViewLine head(view.name, chosen ? Tone::kChosen : Tone::kHeading);
   head.add(" " + life_text(view.life), tone_of(view.life));
+  if (view.estop) head.add(std::string("  E-STOP, re-arm with R or rtbus estop --rearm"), Tone::kBad);
   add_restarts(head, view.life);
   if (view.info) {
     // What a narrow window leaves out stands last.
@@ -89,9 +91,10 @@ Lines physics_lines(const PhysicsView& view, Detail detail, const LineStyle& sty
     const bool measured = stats.achieved_hz > 0.0;
     const bool slow = measured && stats.achieved_hz < 0.98 * stats.rate_hz;
     ViewLine rate(std::string("  rate      "));
-    rate.add(!measured ? "not measured yet"
-             : slow    ? "TOO SLOW"
-                       : "kept",
+    rate.add(!measured                 ? "not measured yet"
+             : !slow                   ? "kept"
+             : rtbus::steps_fit(stats) ? "BEHIND, the machine is busy:"
+                                       : "TOO SLOW",
              !measured ? Tone::kDim
              : slow    ? Tone::kWarn
                        : Tone::kGood);

@@ -35,6 +35,7 @@ struct HapticView {
   std::optional<rtbus::LoopStats> stats;
   std::optional<rtbus::DeviceState> device;
   std::optional<rtbus::LinkStats> link;  ///< Of a device over USB.
+  std::optional<std::string> estop;      ///< An E-stop holds the force at zero: its reason.
   std::optional<double> force_n;         ///< RMS of the force over the last fraction of a second.
   std::optional<double> loss_age_s;      ///< Since physics was last declared lost.
   std::optional<RecentView> recent;      ///< From the telemetry; none when it is not followed or nothing came.
