@@ -14,25 +14,37 @@ using rtbus::config::BodyType;
 using rtbus::config::Error;
 using rtbus::config::Scene;
 
-std::unique_ptr<World> make_analytic(const Scene& scene, const EngineSettings&) {
+/// "scenes/wall.yaml:14: bodies.0.type": where a body says what the engine cannot do.
+std::string place_of(const Scene& scene, const std::string& source, std::string_view key) {
+  return (source.empty() ? scene.file + ": body" : source) + "." + std::string(key);
+}
+
+void check_analytic(const Scene& scene) {
+  const std::string engine = ", which physics.engine = analytic ", remedy = "write engine: bullet";
   if (!scene.soft_bodies.empty()) {
-    throw Error(scene.file + ": body " + scene.soft_bodies.front().name +
-                " is soft, which the engine analytic cannot do; write engine: bullet");
+    const auto& body = scene.soft_bodies.front();
+    throw Error((body.source.empty() ? scene.file : body.source) + ": body " + body.name + " is soft" + engine +
+                "cannot do; " + remedy);
   }
   for (const Body& body : scene.bodies) {
     if (body.type != BodyType::kStatic) {
-      throw Error(scene.file + ": body " + body.name +
-                  " moves, which the engine analytic cannot do; make it static or write engine: bullet");
+      throw Error(place_of(scene, body.source, "type") + " = " +
+                  (body.type == BodyType::kDynamic ? "dynamic" : "kinematic") + ": body " + body.name + " moves" +
+                  engine + "cannot do; make it static or " + remedy);
     }
     if (body.shape.index() >= std::variant_size_v<rtbus::shapes::Shape>) {
-      throw Error(scene.file + ": body " + body.name + " is a " + std::string(name_of(body.shape)) +
-                  ", which the engine analytic does not know; it knows plane, sphere and box; write engine: bullet");
+      throw Error(place_of(scene, body.source, "shape") + ": body " + body.name + " is a " +
+                  std::string(name_of(body.shape)) + engine + "does not know; it knows plane, sphere and box; " +
+                  remedy);
     }
     if (body.restitution != 0.0) {
-      throw Error(scene.file + ": body " + body.name +
-                  " has a restitution, which the engine analytic does not know; leave it out or write engine: bullet");
+      throw Error(place_of(scene, body.source, "restitution") + ": body " + body.name + " has a restitution" + engine +
+                  "does not know; leave it out or " + remedy);
     }
   }
+}
+
+std::unique_ptr<World> make_analytic(const Scene& scene, const EngineSettings&) {
   return std::make_unique<AnalyticWorld>(scene.static_shapes());
 }
 
@@ -90,7 +102,8 @@ std::unique_ptr<World> refuse_external(const Scene& scene, const EngineSettings&
 }
 
 constexpr EngineEntry kEngines[] = {
-    {"analytic", "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies", "", &make_analytic},
+    {kAnalyticEngine, "Exact contact with static planes, spheres and boxes", "Bullet, moving bodies", "",
+     &make_analytic},
     {"bullet", "Bullet: rigid bodies that move, stack and sleep, and soft bodies", "", kRigidModule, &make_bullet},
     {kExternalEngine, "A program of your own, which physics.command names", "Bullet", "", &refuse_external},
     {"mujoco", "MuJoCo: rigid bodies with soft contacts, in a program of its own", "Bullet", "", &refuse_external,
@@ -117,13 +130,17 @@ const EngineEntry* find_engine(std::string_view name) noexcept {
 bool engine_present(const EngineEntry& entry) { return entry.module.empty() || !find_module(entry.module).empty(); }
 
 std::unique_ptr<World> make_world(std::string_view engine, const Scene& scene, const EngineSettings& settings) {
-  const EngineEntry* entry = find_engine(engine);
-  if (entry == nullptr) {
+  check_scene(engine, scene);
+  return find_engine(engine)->factory(scene, settings);
+}
+
+void check_scene(std::string_view engine, const Scene& scene) {
+  if (find_engine(engine) == nullptr) {
     std::string known;
     for (const std::string& name : engine_names()) known += (known.empty() ? "" : ", ") + name;
     throw Error("physics.engine = " + std::string(engine) + " is not known; choose " + known);
   }
-  return entry->factory(scene, settings);
+  if (engine == kAnalyticEngine) check_analytic(scene);
 }
 
 }  // namespace physics

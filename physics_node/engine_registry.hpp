@@ -19,6 +19,7 @@ namespace physics {
 using EngineFactory = std::unique_ptr<World> (*)(const rtbus::config::Scene& scene, const EngineSettings& settings);
 
 /// The engine that is a program of the user's (docs/your-own-physics.md).
+inline constexpr std::string_view kAnalyticEngine = "analytic";
 inline constexpr std::string_view kExternalEngine = "external";
 
 struct EngineEntry {
@@ -41,6 +42,10 @@ struct EngineEntry {
 
 /// False when the engine lives in a module that was not built or is not installed beside this program.
 [[nodiscard]] bool engine_present(const EngineEntry& entry);
+
+/// Whether that engine can do the bodies of `scene`, before anything is started. Throws rtbus::config::Error as
+/// make_world() does: with file, line, key, value and remedy.
+void check_scene(std::string_view engine, const rtbus::config::Scene& scene);
 
 /// The world of `scene` in the engine of that name. Throws rtbus::config::Error, which lists the engines when the name
 /// is unknown and names the body when the engine cannot do it.

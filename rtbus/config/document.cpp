@@ -98,8 +98,10 @@ struct Map::Impl {
       }
     }
     const std::optional<std::string> slip = detail::nearest(key, unknown);
-    throw Error(where(line) + (path.empty() ? "this file" : path) + " needs the key " + std::string(key) + " (" +
-                wanted + ")" + (slip ? "; is " + shown(*slip) + " meant to be it?" : ""));
+    const int at_line = slip ? node->find(*slip)->line : line;  // there it is to be mended
+    throw Error(where(at_line) + (path.empty() ? "this file" : path) + " needs the key " + std::string(key) + " (" +
+                wanted + ")" +
+                (slip ? "; unknown key " + shown(*slip) + "; did you mean " + std::string(key) + "?" : ""));
   }
 
   std::string value_sentence(const std::string& at, int at_line, const Node& value, const std::string& problem) const {

@@ -27,6 +27,40 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+/// Longest suffix first: damping_n_s_per_m ends in _m too.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 22> kUnits{{
+    {"_n_s_per_m", "N·s/m"},
+    {"_n_per_ms", "N/ms"},
+    {"_n_per_m", "N/m"},
+    {"_rad_s", "rad/s"},
+    {"_m_s2", "m/s²"},
+    {"_m_s", "m/s"},
+    {"_mib", "MiB"},
+    {"_deg", "°"},
+    {"_rad", "rad"},
+    {"_hz", "Hz"},
+    {"_kg", "kg"},
+    {"_mm", "mm"},
+    {"_um", "µm"},
+    {"_ms", "ms"},
+    {"_us", "µs"},
+    {"_ns", "ns"},
+    {"_n_m", "N·m"},
+    {"_j", "J"},
+    {"_w", "W"},
+    {"_n", "N"},
+    {"_s", "s"},
+    {"_m", "m"},
+}};
+
+/// "mass" of "mass_kg".
+std::string_view without_unit(std::string_view key) {
+  for (const auto& entry : kUnits) {
+    if (key.ends_with(entry.first)) return key.substr(0, key.size() - entry.first.size());
+  }
+  return key;
+}
+
 }  // namespace
 
 std::string shown(std::string_view text) {
@@ -122,31 +156,6 @@ std::optional<double> parse_number(std::string_view text) {
 }
 
 std::string unit_of(std::string_view key) {
-  // Longest suffix first: damping_n_s_per_m ends in _m too.
-  constexpr std::array<std::pair<std::string_view, std::string_view>, 22> kUnits{{
-      {"_n_s_per_m", "N·s/m"},
-      {"_n_per_ms", "N/ms"},
-      {"_n_per_m", "N/m"},
-      {"_rad_s", "rad/s"},
-      {"_m_s2", "m/s²"},
-      {"_m_s", "m/s"},
-      {"_mib", "MiB"},
-      {"_deg", "°"},
-      {"_rad", "rad"},
-      {"_hz", "Hz"},
-      {"_kg", "kg"},
-      {"_mm", "mm"},
-      {"_um", "µm"},
-      {"_ms", "ms"},
-      {"_us", "µs"},
-      {"_ns", "ns"},
-      {"_n_m", "N·m"},
-      {"_j", "J"},
-      {"_w", "W"},
-      {"_n", "N"},
-      {"_s", "s"},
-      {"_m", "m"},
-  }};
   for (const auto& [suffix, unit] : kUnits) {
     if (key.ends_with(suffix)) {
       return " " + std::string(unit);
@@ -176,7 +185,9 @@ std::optional<std::string> nearest(std::string_view word, const std::vector<std:
     if (candidate.size() > 200 || word.size() > 200) {
       continue;
     }
-    const std::size_t distance = edit_distance(word, candidate);
+    // A key without its unit, or with another one, is the likeliest slip, however long the unit is.
+    const bool same_but_unit = word != candidate && without_unit(word) == without_unit(candidate);
+    const std::size_t distance = same_but_unit ? 1 : edit_distance(word, candidate);
     // A word replaced letter by letter is no suggestion; the alphabet decides between equals, not the order given.
     const bool some_letter_kept = distance < std::max(word.size(), candidate.size());
     if (some_letter_kept &&

@@ -397,7 +397,7 @@ TEST(Soft, TheAnalyticEngineRefusesIt) {
     FAIL() << "accepted";
   } catch (const rtbus::config::Error& error) {
     EXPECT_STREQ(error.what(),
-                 "test.yaml: body ball_0 is soft, which the engine analytic cannot do; write engine: bullet");
+                 "test.yaml: body ball_0 is soft, which physics.engine = analytic cannot do; write engine: bullet");
   }
 }
 

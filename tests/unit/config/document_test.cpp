@@ -106,7 +106,7 @@ TEST_F(Document, PointsFromAMissingKeyToItsMisspelling) {
   EXPECT_EQ(error_of([&] {
               (void)map.number("rate_hz", {1, 9});
             }),
-            "x.yaml:1: this file needs the key rate_hz (a number, 1…9 Hz); is rat_hz meant to be it?");
+            "x.yaml:1: this file needs the key rate_hz (a number, 1…9 Hz); unknown key rat_hz; did you mean rate_hz?");
 }
 
 TEST_F(Document, SuggestsTheNearestKeyForAnUnknownOne) {

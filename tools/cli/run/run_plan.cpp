@@ -123,6 +123,7 @@ RunPlan make_run_plan(const std::string& file, const std::vector<std::string>& a
   if (asked) plan.physics = std::move(physics);
   // What runs on other machines has been checked too: the file is the same there.
   if (!split.is_here("physics")) plan.physics.reset();
+  if (plan.physics) physics::check_scene(plan.physics->physics.engine, config.scene);
   for (const std::string& name : split.crossed) {
     if (!split.is_here(name)) plan.far_haptic.push_back(name);
   }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "physics_node/engine_registry.hpp"
 #include "rtbus/clock.hpp"
 #include "rtbus/config/session.hpp"
 #include "rtbus/topic_directory.hpp"
@@ -80,6 +81,18 @@ int still(StillCommand options) {
     for (const std::string& text : options.assignments) overrides.push_back(rtbus::config::parse_override(text));
     rtbus::config::SessionConfig session = rtbus::config::load_session(options.what, overrides);
     scene = session.scene;
+    const rtbus::Session bus = session.session;
+    // As `rtbus run` checks it, also where nothing of it is asked for: a picture of a file that cannot run misleads.
+    std::optional<physics::NodeConfig> physics;
+    if (session.physics) physics = physics::read_node_config(session);
+    std::vector<StillHandConfig> hands;
+    bool asked = false;
+    for (std::size_t i = 0; i < session.haptic.size(); ++i) {
+      const haptic::HapticConfig hand = haptic::read_haptic_config(session, i);
+      asked = asked || hand.asks_physics();
+      hands.push_back(hand_config(hand, physics ? &*physics : nullptr));
+    }
+    if (physics && asked) physics::check_scene(physics->physics.engine, scene);
     if (options.at_s && *options.at_s > 0.0) {
       Harness harness(session, {});
       std::vector<rtbus::Telemetry> last(harness.hands());
@@ -88,13 +101,6 @@ int still(StillCommand options) {
     } else if (options.at_s) {
       frame = frame_of(scene);
     } else {
-      const rtbus::Session bus = session.session;
-      std::optional<physics::NodeConfig> physics;
-      if (session.physics) physics = physics::read_node_config(session);
-      std::vector<StillHandConfig> hands;
-      for (std::size_t i = 0; i < session.haptic.size(); ++i) {
-        hands.push_back(hand_config(haptic::read_haptic_config(session, i), physics ? &*physics : nullptr));
-      }
       BusFrames source(bus, scene, std::move(hands));
       auto seen = frame_from_bus(source);
       if (!seen) {
