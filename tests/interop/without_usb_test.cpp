@@ -68,4 +68,14 @@ TEST_F(WithoutUsb, ASimulatedDeviceIsTestedAllTheSame) {
   EXPECT_THAT(test.second, HasSubstr("answers   ok")) << test.second;
 }
 
+// Likewise what is a program of its own. `evaluate` is in each build.
+TEST_F(WithoutUsb, ACommandWhoseProgramIsNotThereAnswersHelpAndSaysHowToGetIt) {
+  const auto help = rtbus({"evaluate", "--help"});
+  EXPECT_EQ(help.first, 0);
+  EXPECT_THAT(help.second, AllOf(HasSubstr("Run an experiment"), HasSubstr("tools/build rtbus_evaluation")));
+  const auto used = rtbus({"evaluate", "drop"});
+  EXPECT_EQ(used.first, 1);
+  EXPECT_THAT(used.second, AllOf(HasSubstr("package rtbus"), HasSubstr("\n  tools/build rtbus_evaluation\n")));
+}
+
 }  // namespace

@@ -85,16 +85,38 @@ const char* program_of(std::string_view word, int count, char** arguments) {
   return nullptr;
 }
 
+bool asks_for_help(char** arguments) {
+  for (; *arguments != nullptr; ++arguments) {
+    if (std::string_view(*arguments) == "--help" || std::string_view(*arguments) == "-h") return true;
+  }
+  return false;
+}
+
+/// The line of `word` in the list of commands.
+const char* summary_of(std::string_view word) {
+  for (const tools::CommandEntry& entry : kCommands) {
+    if (word == entry.name) return entry.description;
+  }
+  return "";
+}
+
 /// Becomes that program. Returns only when it is not there.
 int become(const char* name, char** argv) {
   const std::string program = tools::folder_of_this_program() + "/" + name;
   ::execv(program.c_str(), argv);
+  if (errno == ENOENT && asks_for_help(argv + 2)) {
+    // Its options are that program's own; what it does and how to get it can be said without it.
+    std::printf("rtbus %s: %s\n\nThis command is a program of its own, %s, which is not here yet.\n", argv[1],
+                summary_of(argv[1]), name);
+    std::printf("In a source tree `tools/build %s` builds it. Then --help lists its options.\n", name);
+    return tools::kExitFine;
+  }
   std::fprintf(stderr, "rtbus %s: %s: %s\n", argv[1], program.c_str(), std::strerror(errno));
   if (errno == ENOENT) {
     std::fprintf(
         stderr,
         "It is a program of its own. The package %s has it; in a source tree build it with\n"
-        "  cmake --build build --target %s\n",
+        "  tools/build %s\n",
         std::string_view(name) == "rtbus_bridge" || std::string_view(name) == "rtbus_link" ? "rtbus-bridge" : "rtbus",
         name);
   }

@@ -40,7 +40,7 @@ int check(const ConformanceOptions& options) {
   ::execl(program.c_str(), program.c_str(), "--gtest_filter=Drivers/*", nullptr);
   std::fprintf(stderr, "rtbus conformance: %s: %s%s\n", program.c_str(), std::strerror(errno),
                errno == ENOENT ? "; the package librtbus-dev has it; in a source tree build it with\n"
-                                 "  cmake --build build --target driver_conformance"
+                                 "  tools/build driver_conformance"
                                : "");
   return kExitFailed;
 }
