@@ -197,6 +197,8 @@ int plot_files(const PlotOptions& options) {
     }
   }
   if (signals.empty()) return refuse({"there is nothing recorded in that time", 1});
+  // Who names signals gets them.
+  if (several && options.signals.empty()) leave_out_silent_elements(signals);
   return draw(signals, names, marks, title, options.output);
 }
 

@@ -160,6 +160,25 @@ rtbus::Result<std::uint64_t, Refusal> common_origin_ns(const rtbus::recording::R
   return recording.started_monotonic_ns();
 }
 
+void leave_out_silent_elements(std::vector<Signal>& signals) {
+  const auto silent = [](const Signal& s) {
+    return std::all_of(s.value.begin(), s.value.end(), [](double value) { return value == 0.0; });
+  };
+  const auto same_field = [](const Signal& a, const Signal& b) { return a.topic == b.topic && a.field == b.field; };
+  std::vector<bool> drop(signals.size());
+  for (std::size_t i = 0; i < signals.size(); ++i) {
+    bool element_moves = false, field_moves = false;
+    for (const Signal& other : signals) {
+      if (!same_field(other, signals[i]) || silent(other)) continue;
+      field_moves = true;
+      element_moves = element_moves || other.element == signals[i].element;
+    }
+    drop[i] = field_moves && !element_moves;
+  }
+  std::size_t at = 0;
+  std::erase_if(signals, [&](const Signal&) { return drop[at++]; });
+}
+
 void load_signals(const rtbus::recording::Recording& recording, double from_s, double to_s,
                   std::vector<Signal>& signals, std::uint64_t origin_ns) {
   for (Signal& signal : signals) {

@@ -47,6 +47,10 @@ struct SignalSource {
 [[nodiscard]] rtbus::Result<std::uint64_t, Refusal> common_origin_ns(const rtbus::recording::Recording& recording,
                                                                      const std::optional<std::string>& mark);
 
+/// Of a force along z the other axes are zero throughout. Elements that are zero in each recording are left out, as
+/// long as something of their field is not.
+void leave_out_silent_elements(std::vector<Signal>& signals);
+
 /// Fills in the values between two times [s since `origin_ns`].
 void load_signals(const rtbus::recording::Recording& recording, double from_s, double to_s,
                   std::vector<Signal>& signals, std::uint64_t origin_ns);

@@ -74,7 +74,7 @@ Figure motion_figure(const RunPlots& plots, const HapticObserver& haptic, const 
                  "]\nset format x ''\nset bmargin 1\n" + "set ylabel " +
                  gnuplot_quoted("force on the hand, " + name + " [N]") + "\n" + "plot " + data +
                  " using 1:" + column(11) + " with lines lw 2 lc rgb '#c0c0c0' title 'method, before safety', " + data +
-                 " using 1:" + column(8) + " with lines lw 1.2 lc rgb '#b2182b' title 'left for the device'\n" +
+                 " using 1:" + column(8) + " with lines lw 1.2 lc rgb '#b2182b' title 'sent to device'\n" +
                  "set format x\nset bmargin 4\nset xlabel 'time [s]'\n" + "set ylabel " +
                  gnuplot_quoted("position in the device frame, " + name + " [mm]") + "\nplot " + data + " using 1:($" +
                  column(5) + "*1e3) with lines lw 2 lc rgb '#4393c3' title 'proxy', " + data + " using 1:($" +
