@@ -65,7 +65,6 @@ class PileBody {
   }
   /// The last answer told what holds it. Bodies of a pile bounce: for an instant nothing may.
   [[nodiscard]] bool held() const noexcept { return held_; }
-  [[nodiscard]] double mobility_m_s_n() const noexcept { return mobility_m_s_n_; }
   [[nodiscard]] const Eigen::Vector3d& speed_m_s() const noexcept { return flow_.speed_m_s; }
 
  private:

@@ -57,9 +57,7 @@ TEST(PileBody, IsSolvedWithTheProxyInOneRow) {
     proxy.velocity_m_s = -towards_m_s * normal;
     haptic::SolverContact row;
     row.normal = normal;
-    row.surface_velocity_m_s = pile.free_m_s();
-    row.softness_per_kg = pile.mobility_m_s_n() / kH;
-    row.advance_m_s = pile.advance_m_s(normal);
+    pile.fill_row(Vector3d::Zero(), kH, row);
     haptic::solve_contacts(&proxy, &row, 1, 12, haptic::kTolerance_m_s);
     const double impulse = row.impulse_n_s.dot(normal);
     const double surface_m_s = pile.way_m(-row.impulse_n_s, kH).z() / kH;
