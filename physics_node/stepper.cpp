@@ -136,11 +136,12 @@ void Stepper::HandImpulses::take(const rtbus::DeviceState& device) noexcept {
 }
 
 /// What the bodies receive in the next step. In one memory samples and steps are out of step by a part of a step at
-/// most, or a tick.
+/// most, or a tick. So much, and two ticks of 1 ms, is held back once samples have failed to come: the push goes on
+/// evenly where two in a row are lost.
 void Stepper::gather_impulses(double dt_s) {
-  constexpr double kMostOverNetwork_s = 0.25, kMostOfStep = 0.25, kMostTick_s = 1e-3;
+  constexpr double kMostOverNetwork_s = 0.25, kMostOfStep = 0.25, kMostTicks_s = 3e-3;
   constexpr std::uint64_t kLongestWait_ns = 3 * rtbus::kNsPerMs;
-  const double held_s = kMostOfStep * dt_s + kMostTick_s;
+  const double held_s = kMostOfStep * dt_s + kMostTicks_s;
   const auto due_s = [&](const Link& link) {
     return link.queue.due_s(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : held_s);
   };
