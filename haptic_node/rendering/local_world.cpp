@@ -294,11 +294,13 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
 
 /// A light body swings on the spring within few ticks. Physics hears of that too late to brake it, so that it is braked
 /// here: by half of what is critical, as long as it is touched. Any other body swings on a spring without damping under
-/// a hand that rests, and each answer that is late or lost makes it swing anew.
+/// a hand that rests, and each answer that is late or lost makes it swing anew. Behind a network the damping is as
+/// asked for: its echo comes back a round trip later (docs/decisions/0021).
 void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   LocalSpring damped = spring;
-  damped.damping_n_s_per_m = std::max({spring.damping_n_s_per_m, std::sqrt(spring.stiffness_n_per_m * light_kg_),
-                                       on_free_ && hand_rests() ? spring.resting_damping_n_s_per_m : 0.0});
+  damped.damping_n_s_per_m =
+      std::max({spring.damping_n_s_per_m, std::sqrt(spring.stiffness_n_per_m * light_kg_),
+                on_free_ && !networked_ && hand_rests() ? spring.resting_damping_n_s_per_m : 0.0});
   const double lag = lag_of(damped, h);
   SolverBody& proxy = solver_bodies_[0];
   proxy.velocity_m_s = (damped.stiffness_n_per_m * (damped.goal_m - proxy_.position_m) +
