@@ -18,8 +18,9 @@ namespace physics {
 /// or when its module is not there.
 using EngineFactory = std::unique_ptr<World> (*)(const rtbus::config::Scene& scene, const EngineSettings& settings);
 
-/// The engine that is a program of the user's (docs/your-own-physics.md).
+/// The engine of exact contact with what stands.
 inline constexpr std::string_view kAnalyticEngine = "analytic";
+/// The engine that is a program of the user's (docs/your-own-physics.md).
 inline constexpr std::string_view kExternalEngine = "external";
 
 struct EngineEntry {
