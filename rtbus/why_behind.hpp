@@ -13,7 +13,8 @@ namespace rtbus {
 [[nodiscard]] bool steps_fit(const StepStats& stats) noexcept;
 
 /// "steps take 0.35 ms at the median and fit into 1 ms: the machine was busy with something else", or what to lower.
-/// @param engine As in physics.engine: only some engines have solver_iterations. @realtime No.
+/// @param stats Of the node that lags. @param engine As in physics.engine: only some engines have solver_iterations.
+/// @realtime No.
 [[nodiscard]] std::string why_behind(const StepStats& stats, std::string_view engine);
 
 }  // namespace rtbus
