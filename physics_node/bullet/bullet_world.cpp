@@ -201,6 +201,9 @@ void BulletWorld::place_proxy(std::size_t index, const Vector3d& position_m, con
   proxy.put(position_m, velocity_m_s);
 }
 
+/// The tool's spring from the proxy and what the hand felt are together a spring from the hand. Where everything rests,
+/// a soft body gets that alone. The debt comes one answer late: it swings the tool up, and a hand that feels the mean
+/// does not brake it. Light bodies keep theirs: nothing but hands holds them.
 void BulletWorld::drive_tool(std::size_t index, const ProxyTarget& target) {
   BulletProxy& proxy = *proxies_.at(index);
   if (!proxy.placed() || proxy.released()) return;
@@ -222,7 +225,7 @@ void BulletWorld::drive_tool(std::size_t index, const ProxyTarget& target) {
   if (borne.left_s > kLeft_s && borne.left_s < kPaid_s && touched_last(index) && target.owed_n.allFinite()) {
     borne.left_n = target.owed_n;
   } else {
-    driven.force_n += target.owed_n;
+    driven.force_n += (anything_yields() ? 1.0 - rest() : 1.0) * target.owed_n;
   }
   tool->set_target(driven);
 }

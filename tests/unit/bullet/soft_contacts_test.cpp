@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 #include "rtbus/config/closed_surface.hpp"
@@ -58,7 +59,7 @@ constexpr double kSpring_n_per_m = 300.0;
 
 physics::ProxyTarget target_at(const Vector3d& at_m, const Vector3d& push_n = Vector3d::Zero()) {
   physics::ProxyTarget out;
-  out.position_m = at_m;
+  out.position_m = out.hand_m = at_m;
   out.stiffness_n_per_m = kSpring_n_per_m;
   out.damping_n_s_per_m = 3.0;
   out.force_n = push_n;
@@ -206,7 +207,7 @@ TEST(SoftContacts, SayThatTheWorldIsAtRestAndWhenItNoLongerIs) {
   press(*world, Vector3d(0, touches_m - 2e-3, 0), 1.2);
   EXPECT_EQ(rest(), 1.0);
   physics::ProxyTarget target = target_at(Vector3d(0, touches_m - 2e-3, 0));
-  target.hand_m = Vector3d(0, -1.1e-3, 0);
+  target.hand_m.y() -= 1.1e-3;
   world->drive_tool(0, target);
   world->step(kStep_s);
   EXPECT_EQ(rest(), 0.0);
@@ -263,6 +264,35 @@ TEST(SoftContacts, ABodyThatMovesByItselfIsNoRestEvenWhereItTurnsInItsPlace) {
   EXPECT_EQ(rest(rtbus::config::SinusoidMotion{Vector3d::Zero(), 1.0, 0.0}), 1.0);
   EXPECT_EQ(rest(rtbus::config::SinusoidMotion{Vector3d(0, 0.01, 0), 1.0, 0.0}), 0.0);
   EXPECT_EQ(rest(rtbus::config::SpinMotion{Vector3d::UnitY(), 1.0, 0.1, 0.0}), 0.0);
+}
+
+// The proxy swings and the hand holds still: spring and push are a spring from the hand. A debt, which comes late,
+// moves the tool of a hand that moves.
+TEST(SoftContacts, ADebtDoesNotMoveTheToolOfAHandAtRest) {
+  const auto swings_m = [](double hand_swings_m) {
+    const auto world = with_placed_tool(soft_ball(true), Vector3d(0, kAbove_m, 0));
+    const Vector3d goal_m(0, settle(*world, kAbove_m) - 0.006, 0);
+    press(*world, goal_m, 2.0);
+    double least_m = kAbove_m, most_m = -kAbove_m;
+    for (int step = 0; step < 600; ++step) {
+      const double phase_rad = 2.0 * std::numbers::pi * 5.0 * step * kStep_s;
+      const Vector3d swing = Vector3d::UnitY() * std::sin(phase_rad);
+      physics::ProxyTarget target = target_at(goal_m + 1e-3 * swing, -1e-3 * kSpring_n_per_m * swing);
+      target.owed_n = 0.1 * swing;
+      target.hand_m = goal_m + hand_swings_m * swing;
+      world->place_proxy(0, target.position_m, Vector3d::Zero());
+      world->drive_tool(0, target);
+      world->step(kStep_s);
+      physics::ToolReaction told;
+      world->tool_reaction(0, 0.05, 0.0, Vector3d::Zero(), told);
+      least_m = std::min(least_m, told.instants[0].tool_m.y());
+      most_m = std::max(most_m, told.instants[0].tool_m.y());
+    }
+    return most_m - least_m;
+  };
+  const double rests_m = swings_m(0.0), moves_m = swings_m(5e-3);
+  EXPECT_GT(moves_m, 0.2e-3);
+  EXPECT_LT(rests_m, 0.02 * moves_m);
 }
 
 TEST(SoftContacts, TellWhatTheToolBearsAtRest) {
