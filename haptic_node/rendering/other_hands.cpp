@@ -23,6 +23,7 @@ Impulse told_in(const rtbus::DeviceState& state, std::size_t row) noexcept {
 
 }  // namespace
 
+/// A sample that is repeated stands for one more tick, which the next one does not count again (LocalContact::step_to).
 void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_ns) noexcept {
   const rtbus::DeviceState& state = heard.state.value;
   const bool gives = (state.wants & rtbus::kOwnsProxy) != 0 && state.enabled != 0;
@@ -31,7 +32,7 @@ void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_n
   hand.number = heard.number;
   if (!gives || !goes_on) {  // physics too drops what lies in between
     hand.mapping_epoch = state.mapping_epoch;
-    hand.time_ns = state.sample_time_ns;
+    hand.time_ns = hand.until_ns = state.sample_time_ns;
     for (std::size_t i = 0; i < hand.rows.size(); ++i) {
       hand.rows[i] = Row{};
       hand.rows[i].body = state.hand_impulse_body[i];
@@ -40,12 +41,17 @@ void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_n
     }
     return;
   }
-  hand.tick_ns = state.sample_time_ns - hand.time_ns;
+  for (std::size_t i = 0; i < hand.rows.size(); ++i) learn_row(hand, i, state, apart_ns);
+  const std::uint64_t gap_ns = state.sample_time_ns - hand.time_ns;
+  if (gap_ns == 0) {
+    hand.until_ns += hand.tick_ns;
+    return;
+  }
+  hand.tick_ns = state.sample_time_ns - std::min(hand.until_ns, hand.time_ns + gap_ns / 2);
   const double kept = std::exp(-rtbus::seconds_between(hand.time_ns, state.sample_time_ns) / kForgets_s);
   const auto longest_ns = static_cast<std::uint64_t>(kept * static_cast<double>(hand.longest_ns));
-  hand.longest_ns = std::clamp(hand.tick_ns, longest_ns, kLongestGap_ns);
-  for (std::size_t i = 0; i < hand.rows.size(); ++i) learn_row(hand, i, state, apart_ns);
-  hand.time_ns = state.sample_time_ns;
+  hand.longest_ns = std::clamp(gap_ns, longest_ns, kLongestGap_ns);
+  hand.time_ns = hand.until_ns = state.sample_time_ns;
 }
 
 void OtherHands::learn_row(Hand& hand, std::size_t index, const rtbus::DeviceState& state,
@@ -62,7 +68,7 @@ void OtherHands::learn_row(Hand& hand, std::size_t index, const rtbus::DeviceSta
   if (row.last.is_zero()) return;
   const Impulse before = row.given;
   row.given += row.last;
-  if (hand.tick_ns > 0) {
+  if (state.sample_time_ns > hand.time_ns) {
     row.history.add(hand.time_ns, state.sample_time_ns, apart_ns, before, row.given);
   } else {
     row.history.correct(state.sample_time_ns, row.last);
@@ -72,8 +78,8 @@ void OtherHands::learn_row(Hand& hand, std::size_t index, const rtbus::DeviceSta
 Impulse OtherHands::book(const Hand& hand, Row& row, std::uint64_t now_ns) noexcept {
   row.booked_before = row.booked;
   row.booked = row.given;
-  if (hand.tick_ns > 0 && now_ns > hand.time_ns) {
-    const auto silent_ns = static_cast<double>(now_ns - hand.time_ns);
+  if (hand.tick_ns > 0 && now_ns > hand.until_ns) {
+    const auto silent_ns = static_cast<double>(now_ns - hand.until_ns);
     const auto goes_on_ns = static_cast<double>(hand.longest_ns + std::min(hand.tick_ns, kLongestGap_ns));
     const bool ended = silent_ns > kEnded * goes_on_ns;
     const double share = ended ? 0.0 : std::min(silent_ns, goes_on_ns) / static_cast<double>(hand.tick_ns);

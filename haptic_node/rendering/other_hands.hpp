@@ -83,8 +83,9 @@ class OtherHands {
     std::uint32_t number = 0;  ///< In the session's order.
     std::uint32_t mapping_epoch = 0;
     std::uint64_t time_ns = 0;     ///< Of its newest sample; 0: none yet.
-    std::uint64_t tick_ns = 0;     ///< Between that and the one before …
-    std::uint64_t longest_ns = 0;  ///< … and the longest such time of late.
+    std::uint64_t until_ns = 0;    ///< Its impulses are known so far: beyond a sample that its device repeats.
+    std::uint64_t tick_ns = 0;     ///< In this time it gave the last of them.
+    std::uint64_t longest_ns = 0;  ///< The longest time between two samples of late.
     std::array<Row, rtbus::kHandImpulseRows> rows;
   };
   static void learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_ns) noexcept RTBUS_NONBLOCKING;

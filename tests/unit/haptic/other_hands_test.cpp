@@ -35,11 +35,12 @@ struct Pusher {
     state.hand_impulse_body[0] = kBody;
     state.hand_impulse_generation[0] = 1;
   }
-  void tick(double impulse_n_s) {
+  /// @param repeats Its device has no newer sample.
+  void tick(double impulse_n_s, bool repeats = false) {
     now_ns += kTick_ns;
     DeviceState& state = hands[0].state.value;
     state.hand_impulse_n_s[0][0] += impulse_n_s;
-    state.sample_time_ns = now_ns;
+    if (!repeats) state.sample_time_ns = now_ns;
     hands[0].fresh = true;
   }
 };
@@ -105,6 +106,19 @@ TEST_F(OtherHandsTest, TheRunningTickIsTakenFromTheLastOneAndPutRight) {
   const ProxyContacts told = answer(told_ns);
   EXPECT_NEAR(OtherHands::Since(others, told, kBody).until_now().linear_n_s.x(), 4e-3, 1e-12)
       << "what the tick before this one had";
+}
+
+// Its device repeats a sample: the hand pushes on in each tick, and no tick counts twice.
+TEST_F(OtherHandsTest, ASampleThatItsDeviceRepeatsIsNoPauseInItsPush) {
+  constexpr double kPush_n_s = 2e-3;
+  pusher.tick(0.0);
+  hear();
+  for (int tick = 1; tick <= 12; ++tick) {
+    pusher.tick(kPush_n_s, tick % 4 == 2);
+    hear(pusher.now_ns + kTick_ns);
+    EXPECT_NEAR(heard_n_s, (tick + 1) * kPush_n_s, 1e-12) << tick;
+  }
+  EXPECT_NEAR(since(pusher.now_ns - 8 * kTick_ns, pusher.now_ns), 8 * kPush_n_s, 1e-12);
 }
 
 // A lost message is no pause in its push; one that has been killed stops after two ticks, and has ended after six.
