@@ -158,7 +158,7 @@ class HeldTool final : public physics::World {
 
 // A debt that the spring holds against would keep the tool beside its place for ever, and the hand would feel that.
 TEST(StepperTool, IsNotOwedForEverWhatItsSpringHoldsAgainst) {
-  constexpr double kStep_s = 1e-3;
+  constexpr double kOneMs_s = 1e-3;
   double gives_n = 1.0, owed_n = 0.0;
   physics::ProxyConfig hand;
   hand.device = "haptic0";
@@ -170,7 +170,7 @@ TEST(StepperTool, IsNotOwedForEverWhatItsSpringHoldsAgainst) {
     for (int i = 0; i < steps; ++i) {
       state.sample_time_ns += kMs;
       stepper.set_device(0, state, state.sample_time_ns / kMs);
-      stepper.step(kStep_s);
+      stepper.step(kOneMs_s);
     }
   };
   step_for(10);

@@ -11,7 +11,8 @@ namespace tools {
 namespace {
 
 constexpr std::size_t kMostPoints = 3000;
-constexpr int kPanel_px = 440;
+constexpr int kPanel_px = 440, kKeyRow_px = 18;
+constexpr std::size_t kKeyRows = 3;  ///< Fit into kPanel_px.
 
 struct Look {
   const char* method;
@@ -43,6 +44,18 @@ void write_line(const std::filesystem::path& file, const PanelLine& line) {
   }
 }
 
+/// Rows of the key below a panel. Two names share a row unless one is long.
+std::size_t key_rows(const Panel& panel) {
+  constexpr std::size_t kLong = 50;
+  std::size_t named = 0;
+  bool long_name = false;
+  for (const PanelLine& line : panel.lines) {
+    named += line.name.empty() ? 0 : 1;
+    long_name = long_name || line.name.size() > kLong;
+  }
+  return long_name ? named : (named + 1) / 2;
+}
+
 }  // namespace
 
 const char* method_style(std::string_view method) {
@@ -58,18 +71,18 @@ void draw_panels(Experiment& experiment, const std::string& stem, const std::str
   if (!gnuplot) return experiment.note("gnuplot is not there: no figure " + stem);
   Figure figure;
   figure.stem = stem;
-  figure.height_px = 60 + kPanel_px * static_cast<int>(panels.size());
+  std::size_t rows = kKeyRows;
+  for (const Panel& panel : panels) rows = std::max(rows, key_rows(panel));
+  const int more_px = kKeyRow_px * static_cast<int>(rows - kKeyRows);
+  figure.height_px = 60 + (kPanel_px + more_px) * static_cast<int>(panels.size());
   figure.body = "set multiplot layout " + std::to_string(panels.size()) + ",1 title " + gnuplot_quoted(title) +
                 "\nset grid lc rgb 'gray80'\nset lmargin 11\nset rmargin 4\n";
   for (std::size_t p = 0; p < panels.size(); ++p) {
     const Panel& panel = panels[p];
-    figure.body +=
-        "unset logscale\nunset arrow\nset autoscale\nset format '%g'\nset xtics autofreq\nset bmargin 7\nset key below "
-        "center "
-        "horizontal Left reverse width 2\n"
-        "set title " +
-        gnuplot_quoted(panel.title) + "\nset xlabel " + gnuplot_quoted(panel.x_label) + "\nset ylabel " +
-        gnuplot_quoted(panel.y_label) + "\n" + panel.setup + "\nplot ";
+    figure.body += "unset logscale\nunset arrow\nset autoscale\nset format '%g'\nset xtics autofreq\nset bmargin " +
+                   std::to_string(rows + 4) + "\nset key below center horizontal Left reverse width 2\nset title " +
+                   gnuplot_quoted(panel.title) + "\nset xlabel " + gnuplot_quoted(panel.x_label) + "\nset ylabel " +
+                   gnuplot_quoted(panel.y_label) + "\n" + panel.setup + "\nplot ";
     for (std::size_t l = 0; l < panel.lines.size(); ++l) {
       const PanelLine& line = panel.lines[l];
       const std::string file = stem + "_" + std::to_string(p + 1) + "_" + std::to_string(l + 1) + ".tsv";
