@@ -324,7 +324,6 @@ void Stepper::step(double dt_s, int substeps) {
       link.contacts += pending.impulse_n_s.isZero(0.0) ? 0U : 1U;
     }
     link.coupling_force_n = -link.contact_force_n;
-    link.spring_n_s *= std::exp(-dt_s / (kForgets * pays_back_s(link)));
   }
   step_s_ = dt_s;
   simulated_s_ += dt_s;

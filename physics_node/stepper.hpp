@@ -29,8 +29,7 @@ namespace physics {
 /// where the method has it, and pushes nothing. In each step a body receives the impulse that the hand felt from it
 /// since the step before (hand_impulse_…), each at its time: Newton's third law. What yields (World::drive_tool) gets
 /// it through the tool: that is pushed by these impulses, and a spring keeps it at the proxy. What the spring gives
-/// besides is taken back within kPaysBack_s. What it holds against is forgotten within kForgets times that: the tool of
-/// a hand at rest stands on the hand's spring, and not beside it.
+/// besides is taken back within kPaysBack_s.
 ///
 /// A device that asks for it (DeviceState::hand_stiffness_n_per_m …) also gets the force on the hand, eq. (3) and (4):
 /// K(P_p + n·h·V_p − P_h) − B·V_p with n = prediction_periods; in the improved form the damper is relative, B(V_p −
@@ -90,7 +89,7 @@ class Stepper {
   static constexpr double kHandSpeed_m_s = 0.2, kFall_m_s2 = 9.81;
   static constexpr double kRestRadius_m = 1e-3;
   static constexpr double kAgeKept = 0.99;
-  static constexpr double kPaysBack_s = 0.02, kForgets = 5.0;
+  static constexpr double kPaysBack_s = 0.02;
   /// Where there are several hands, in so much of the age of an answer, if that is longer.
   static constexpr double kPaysBackAges = 0.8;
   [[nodiscard]] double contact_radius_m(std::size_t proxy) const;

@@ -1,7 +1,6 @@
-/// Two hands that press one body between them: what a step gives it of each. And what a tool among soft bodies is owed.
+/// Two hands that press one body between them: what a step gives it of each.
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -124,64 +123,6 @@ TEST_F(TwoHandsAtOneBody, DoNotWaitForOneThatHasEnded) {
   step(20, 10);
   EXPECT_NEAR(given_n_s_[0], 10e-3 * kHand_n, 1e-6);
   EXPECT_EQ(given_n_s_[1], 0.0);
-}
-
-/// A tool whose spring gives 1 N for a while. After that it holds against what it is owed, so that nothing of it is
-/// paid.
-class HeldTool final : public physics::World {
- public:
-  HeldTool(const double& gives_n, double& owed_n) : gives_n_(gives_n), owed_n_(owed_n) {}
-  std::size_t add_proxy(const physics::ProxyParameters&) override { return 0; }
-  void reset_proxy(std::size_t, const Vector3d&) override {}
-  void release_proxy(std::size_t) override {}
-  void place_proxy(std::size_t, const Vector3d&, const Vector3d&) override {}
-  void drive_tool(std::size_t, const physics::ProxyTarget& target) override { owed_n_ = target.owed_n.x(); }
-  void apply_hand_force(std::size_t, std::size_t, const Vector3d&, const Vector3d&) override {}
-  void set_proxy_target(std::size_t, const physics::ProxyTarget&) override {}
-  void step(double) override {}
-  [[nodiscard]] physics::ProxyReadout proxy(std::size_t) const override {
-    physics::ProxyReadout out;
-    out.coupling_force_n.x() = gives_n_;
-    return out;
-  }
-  void contacts(std::size_t, double, physics::ContactSet&) const override {}
-  [[nodiscard]] std::size_t bodies() const noexcept override { return 0; }
-  [[nodiscard]] physics::BodyPose body_pose(std::size_t) const override { return {}; }
-  [[nodiscard]] std::size_t awake_bodies() const noexcept override { return 0; }
-  [[nodiscard]] std::size_t solved_contacts() const noexcept override { return 0; }
-  [[nodiscard]] std::vector<std::string> warnings(double) const override { return {}; }
-
- private:
-  const double& gives_n_;
-  double& owed_n_;
-};
-
-// A debt that the spring holds against would keep the tool beside its place for ever, and the hand would feel that.
-TEST(StepperTool, IsNotOwedForEverWhatItsSpringHoldsAgainst) {
-  constexpr double kOneMs_s = 1e-3;
-  double gives_n = 1.0, owed_n = 0.0;
-  physics::ProxyConfig hand;
-  hand.device = "haptic0";
-  Stepper stepper(std::make_unique<HeldTool>(gives_n, owed_n), {hand}, 1);
-  rtbus::DeviceState state;
-  state.enabled = 1;
-  state.wants = rtbus::kOwnsProxy;
-  const auto step_for = [&](int steps) {
-    for (int i = 0; i < steps; ++i) {
-      state.sample_time_ns += kMs;
-      stepper.set_device(0, state, state.sample_time_ns / kMs);
-      stepper.step(kOneMs_s);
-    }
-  };
-  step_for(10);
-  gives_n = 0.0;
-  step_for(1);
-  EXPECT_NEAR(owed_n, -10e-3 / Stepper::kPaysBack_s, 0.06 * 0.5);
-  const double first_n = owed_n;
-  step_for(100);
-  EXPECT_NEAR(owed_n / first_n, std::exp(-0.1 / (Stepper::kForgets * Stepper::kPaysBack_s)), 0.01);
-  step_for(1000);
-  EXPECT_NEAR(owed_n, 0.0, 1e-4);
 }
 
 }  // namespace
