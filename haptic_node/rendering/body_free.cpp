@@ -304,8 +304,13 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
       SolverContact& row = rows[count++];
       row = row_of(supports.rows[i], h);
       row.softness_per_kg *= tick_s / h;  // gives way as fast as it does tick by tick
-      row.impulse_n_s = lies_ ? Vector3d(h / since.tick_s * supports.rows[i].impulse_n_s)
-                              : Vector3d(supports.rows[i].force_n * h * supports.rows[i].normal);
+      // A body that is jammed between hand and edge has a second solution, in which it flies off (P. Painleve, 1895).
+      // With the friction of the tick before it stays in the one that it is in.
+      row.impulse_n_s = h / since.tick_s * supports.rows[i].impulse_n_s;
+      if (!lies_) {
+        const Vector3d& normal = supports.rows[i].normal;
+        row.impulse_n_s += (supports.rows[i].force_n * h - normal.dot(row.impulse_n_s)) * normal;
+      }
       row.torsion_n_m_s = 0.0;
     }
   }

@@ -276,7 +276,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   if (solve(spring, h) > 0) give_impulses();
   ease(spring, h);
   if (yielding_.averages()) {
-    calm_n_s_ = yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h);
+    calm_n_s_ = unheld(yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h));
     impulse_n_s_ += calm_n_s_;
   }
   yielding_.keep(rows_.data(), h);
@@ -387,7 +387,8 @@ void LocalWorld::brake(double h) noexcept {
 std::size_t LocalWorld::gather(double h, bool again) noexcept {
   std::array<bool, kBodies> touched{};
   const Vector3d& free_m_s = solver_bodies_[0].velocity_m_s;
-  solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, h, shapes_, rows_.data(), touched, again);
+  const Vector3d pulled_m_s = free_m_s + h * solver_bodies_[0].inverse_mass_per_kg * yielding_.bears_n(begun_ns_);
+  solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, pulled_m_s, h, shapes_, rows_.data(), touched, again);
   std::size_t rows = solved_contacts_;
   int next = 1;
   light_kg_ = 0.0;
@@ -417,6 +418,23 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
     if (free != nullptr && body.used) rows += free->add_rows(body.motion, supports_, h, rows_.data(), rows);
   }
   return rows + yielding_.add_row(proxy_.position_m, begun_ns_, h, solver_bodies_[0], rows_.data(), rows);
+}
+
+/// @param push_n_s Of a mean, on the proxy, instead of what wavers. @returns what the hand feels of it: where the proxy
+/// is pressed to a wall, the wall bears as much more or less, and its friction too.
+Vector3d LocalWorld::unheld(Vector3d push_n_s) const noexcept {
+  for (std::size_t i = 0; i < solved_contacts_; ++i) {
+    const SolverContact& row = rows_[i];
+    if (row.normal_n_s <= 0.0) continue;
+    const double less_n_s = std::min(row.normal.dot(push_n_s), row.normal_n_s);
+    push_n_s -= less_n_s * row.normal;
+    const Vector3d across_n_s = row.impulse_n_s - row.normal_n_s * row.normal;
+    Vector3d holds_n_s = across_n_s - (push_n_s - row.normal.dot(push_n_s) * row.normal);
+    const double most_n_s = row.friction * (row.normal_n_s - less_n_s);
+    if (const double size_n_s = holds_n_s.norm(); size_n_s > most_n_s) holds_n_s *= most_n_s / size_n_s;
+    push_n_s += holds_n_s - across_n_s;
+  }
+  return push_n_s;
 }
 
 /// What the proxy gave to whom.

@@ -379,9 +379,9 @@ bool ProxyContactSet::bend(Bodies bodies, const LocalProxy& proxy, const Vector3
   return true;
 }
 
-std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, const Vector3d& free_m_s, double h,
-                                    NearShapes& shapes, SolverContact* rows, std::span<bool> touched,
-                                    bool again) noexcept {
+std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, const Vector3d& free_m_s,
+                                    const Vector3d& pulled_m_s, double h, NearShapes& shapes, SolverContact* rows,
+                                    std::span<bool> touched, bool again) noexcept {
   if (!again) {
     for (const NearShapes::Named& each : shapes.named()) follow_surface(each, bodies, proxy, h, shapes);
   }
@@ -392,7 +392,8 @@ std::size_t ProxyContactSet::gather(Bodies bodies, const LocalProxy& proxy, cons
     if (!again && !contact.fades) follow(contact, bodies, proxy, shapes, kFastestTurn_rad_s * h);
     const Vector3d surface = carried_m_s(contact, bodies[contact.body].motion) + contact.late_m_s;
     contact.gap_m = gap_of(contact, bodies, proxy) + contact.offset_m;
-    const double way_m = -contact.normal.dot(free_m_s - surface) * h;
+    const double way_m =
+        h * (contact.normal.dot(surface) - std::min(contact.normal.dot(free_m_s), contact.normal.dot(pulled_m_s)));
     const bool past = !contact.active() && contact.gap_m < -behind_m(proxy) - std::abs(way_m);
     if (count == kSolved || past || contact.gap_m > way_m + tuning_.reach_m()) {
       contact.impulse_n_s.setZero();

@@ -86,11 +86,12 @@ class ProxyContactSet {
   /// Surfaces go on to where physics has them, in a step of `h`.
   void blend(Bodies bodies, double h) noexcept RTBUS_NONBLOCKING;
 
-  /// The rows of contacts that the proxy may reach in a step of `h` if it goes at `free_m_s`. @param again Where they
-  /// were found last. @returns how many, at most kSolved; touched bodies are marked.
-  std::size_t gather(Bodies bodies, const LocalProxy& proxy, const Eigen::Vector3d& free_m_s, double h,
-                     NearShapes& shapes, SolverContact* rows, std::span<bool> touched,
-                     bool again) noexcept RTBUS_NONBLOCKING;
+  /// The rows of contacts that the proxy may reach in a step of `h` if it goes at `free_m_s`, or at `pulled_m_s`, with
+  /// what yields. @param again Where they were found last. @returns how many, at most kSolved; touched bodies are
+  /// marked.
+  std::size_t gather(Bodies bodies, const LocalProxy& proxy, const Eigen::Vector3d& free_m_s,
+                     const Eigen::Vector3d& pulled_m_s, double h, NearShapes& shapes, SolverContact* rows,
+                     std::span<bool> touched, bool again) noexcept RTBUS_NONBLOCKING;
 
   /// Around an edge a plane leads astray. After a first solution of the step the strongest contact gets the plane that
   /// it has at the end of it. @param way_m Of the proxy in that solution. @param free_way_m Without contacts.

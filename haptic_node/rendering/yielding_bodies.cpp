@@ -76,6 +76,13 @@ YieldingBodies::Instant YieldingBodies::at(std::uint64_t now_ns) const noexcept 
           a.normal + share * (b.normal - a.normal), a.gap_m + share * (b.gap_m - a.gap_m)};
 }
 
+Vector3d YieldingBodies::bears_n(std::uint64_t now_ns) const noexcept {
+  if (count_ == 0) return Vector3d::Zero();
+  const Instant now = at(now_ns);
+  const Vector3d n = direction(now.reaction_n, now.normal);
+  return std::max(0.0, now.reaction_n.norm() + n.dot(late_n_)) * n;
+}
+
 std::size_t YieldingBodies::add_row(const Vector3d& proxy_m, std::uint64_t now_ns, double h, SolverBody& proxy,
                                     SolverContact* rows, std::size_t first) noexcept {
   row_ = kNoRow;

@@ -46,6 +46,9 @@ class YieldingBodies {
   /// Whether there is anything to average: something is near, or its mean is still felt.
   [[nodiscard]] bool averages() const noexcept { return near() || mean_weight_ > 0.0; }
 
+  /// On a proxy where the tool is.
+  [[nodiscard]] Eigen::Vector3d bears_n(std::uint64_t now_ns) const noexcept RTBUS_NONBLOCKING;
+
   /// The row of the tick of `h` that ends at `now_ns`; what acts across is given to `proxy` at once.
   /// @returns rows added, 0 or 1.
   std::size_t add_row(const Eigen::Vector3d& proxy_m, std::uint64_t now_ns, double h, SolverBody& proxy,

@@ -150,6 +150,60 @@ TEST_F(YieldingBodiesTest, AreFeltByTheirMeanWhereTheWorldIsAtRest) {
   EXPECT_NEAR(resting.given_n, resting.felt_n, 0.01 * resting.felt_n) << "the third law, in the mean";
 }
 
+/// A tool at a wall, which fills x < 0, that a soft body pushes with `reaction_n`, in a world at rest.
+ProxyContacts soft_at_wall(const Eigen::Vector3d& reaction_n, double depth_m, std::uint64_t sample_ns) {
+  ProxyContacts out = soft(0.0, sample_ns);
+  out.contacts = out.bodies = 1;
+  out.contact_normal[0] = {1, 0, 0};
+  out.contact_gap_m[0] = -depth_m;
+  out.contact_friction[0] = 0.5;
+  out.yield_tool_m[0] = {-depth_m, 0, 0};
+  out.yield_reaction_n[0] = rtbus::array_of(reaction_n);
+  out.yield_friction = 0.5;
+  out.yield_rest = 1.0;
+  return out;
+}
+
+// Between a wall and a soft body that wavers the tool stands, and so does the force of the hand's spring.
+TEST_F(YieldingBodiesTest, AWallBearsWhatWavers) {
+  constexpr double kHand_m = -0.002;
+  reset({0.0, 0, 0});
+  double least_n = 1e9, most_n = 0.0, aside_n = 0.0;
+  for (int answer = 0; answer < 60; ++answer) {
+    const double more_n = answer % 2 == 0 ? 0.05 : -0.05;
+    world->take(soft_at_wall({-0.1 + more_n, 0.5 * more_n, 0}, 0.0, now_ns), now_ns);
+    for (int i = 0; i < 50; ++i) {
+      const Eigen::Vector3d force_n = tick({kHand_m, 0, 0});
+      if (answer < 40) continue;
+      least_n = std::min(least_n, force_n.x());
+      most_n = std::max(most_n, force_n.x());
+      aside_n = std::max(aside_n, std::abs(force_n.y()));
+    }
+  }
+  EXPECT_NEAR(least_n, -kHand_m * kHandN_m, 1e-3);
+  EXPECT_NEAR(most_n, -kHand_m * kHandN_m, 1e-3);
+  EXPECT_LT(aside_n, 2e-3) << "friction of the wall";
+}
+
+// The hand pulls it out of a wall, and a soft body back in.
+TEST_F(YieldingBodiesTest, DoNotPullTheToolIntoAWall) {
+  constexpr double kDepth_m = 0.001;
+  stiffness_n_per_m = 40.0;
+  damping_n_s_per_m = 0.1;
+  reset({-kDepth_m, 0, 0});
+  double before_m = -kDepth_m, back_m = 0.0;
+  for (int answer = 0; answer < 10; ++answer) {
+    world->take(soft_at_wall({-0.4, 0, 0}, -before_m, now_ns), now_ns);
+    for (int i = 0; i < 50; ++i) {
+      (void)tick(0.003);
+      back_m = std::max(back_m, before_m - world->position_m().x());
+      before_m = world->position_m().x();
+    }
+  }
+  EXPECT_LT(back_m, 1e-5) << "it comes out";
+  EXPECT_NEAR(before_m, 0.0, 1e-5) << "and stays at the wall";
+}
+
 TEST_F(YieldingBodiesTest, AtRestGiveWayToTheHandAtOnceAndLetItGo) {
   ProxyContacts told = soft(-0.004, now_ns);
   told.yield_rest = 1.0;
