@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace haptic {
@@ -135,11 +136,14 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
     // A ball is held below its centre. Told is where it was at the beginning of physics' last step: behind what rolls.
     if (ball_) support.from_centre_m = support.normal * support.normal.dot(support.from_centre_m);
     supported_ = true;
+    double nearest_m = std::numeric_limits<double>::infinity();
     for (std::size_t j = old_first; j < old_end; ++j) {
       if (old.rows[j].normal.dot(support.normal) < tuning.same_plane_cosine) continue;
+      const double away_m = (old.rows[j].from_centre_m - support.from_centre_m).norm();
+      if (away_m >= nearest_m) continue;
+      nearest_m = away_m;
       support.impulse_n_s = old.rows[j].impulse_n_s;
       support.torsion_n_m_s = old.rows[j].torsion_n_m_s;
-      break;
     }
   }
   support_count_ = supports.count - first_support_;

@@ -154,12 +154,13 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t no
                             std::span<std::size_t> slot_of_row, std::span<Quaterniond> turned) noexcept {
   const std::size_t rigid_rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
   const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
-  std::array<std::size_t, rtbus::kContactSlots> count{};
+  std::array<std::size_t, rtbus::kContactSlots> count{}, ends{};  // of edges, two each
   std::array<double, rtbus::kContactSlots> loosest{};
   for (std::size_t i = 0; i < supports; ++i) {
     const std::size_t row = answer.support_body[i];
     if (row >= rigid_rows) continue;
     ++count[row];
+    if (answer.support_points[i] == 2) ++ends[row];
     loosest[row] = std::max(loosest[row], answer.support_inverse_mass_per_kg[i]);
   }
   // Every body goes on from the answer's instant to now in so many parts.
@@ -171,7 +172,7 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t no
     const bool corners = shapes_.known().has_corners(answer.body_index[row]);
     rows += 1 + (loosest[row] > 0.0 ? 0
                  : sleeps           ? 1
-                                    : static_cast<int>(corners ? FreeBody::kCorners * count[row] : count[row]));
+                          : static_cast<int>(corners ? FreeBody::kCorners * (count[row] - ends[row] / 2) : count[row]));
   }
   int parts = 1;
   if (answer.device_time_ns < now_ns) {

@@ -24,11 +24,12 @@ double pair_friction(const btRigidBody& a, const btRigidBody& b) {
 
 /// Whether a face looks along `normal`.
 bool has_face(const btRigidBody& body, const Vector3d& normal) {
-  constexpr double kFlat = 1.0 - 1e-5;  // the cosine of 4.5 mrad
+  constexpr double kFlat_rad = 2e-3;
   const int shape = body.getCollisionShape()->getShapeType();
   if (shape != BOX_SHAPE_PROXYTYPE) return shape == STATIC_PLANE_PROXYTYPE;
-  const btVector3 own = (body.getWorldTransform().getBasis().transpose() * to_bullet(normal)).absolute();
-  return static_cast<double>(own[own.maxAxis()]) > kFlat;
+  btVector3 own = (body.getWorldTransform().getBasis().transpose() * to_bullet(normal)).absolute();
+  own[own.maxAxis()] = 0;
+  return static_cast<double>(own.length()) < kFlat_rad;
 }
 
 /// Of one contact point: what the second body of the manifold did to the first, mean over the step.
@@ -180,7 +181,20 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
   support.inverse_mass_per_kg = static_cast<double>(other.getInvMass());
   support.surface_velocity_m_s = velocity_at(other, support.point_m, scale_);
   behind.friction_bound_n += support.friction * support.normal_force_n;
-  out.supports.push_back(support);
+  if (support.points != 2 || support.inverse_mass_per_kg > 0.0) {
+    out.supports.push_back(support);
+    return;
+  }
+  // An edge: in its middle alone the body would roll and spin about that. Of a pile supports are not felt one by one.
+  for (int i = 0; i < manifold.getNumContacts(); ++i) {
+    const PointForce force = force_at(manifold.getContactPoint(i), step_s_, scale_);
+    if (force.normal_n <= 0.0) continue;
+    Support end = support;
+    end.point_m = force.point_m;
+    end.normal_force_n = force.normal_n;
+    end.surface_velocity_m_s = velocity_at(other, end.point_m, scale_);
+    out.supports.push_back(end);
+  }
 }
 
 void BulletWorld::contacts(std::size_t index, double radius_m, ContactSet& out) const {

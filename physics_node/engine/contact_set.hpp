@@ -58,8 +58,8 @@ struct BodyBehind {
   Eigen::Vector3d proxy_force_n = Eigen::Vector3d::Zero();  ///< By this proxy, on the body.
 };
 
-/// What supports a body behind a contact: another body that pushes on it, its contact points taken together. A support
-/// is a contact with gap 0.
+/// What supports a body behind a contact: another body that pushes on it, its contact points taken together. An edge on
+/// what no force moves is two, its ends. A support is a contact with gap 0.
 struct Support {
   std::uint32_t row = 0;                                           ///< Of the supported body, in ContactSet::bodies.
   Eigen::Vector3d point_m = Eigen::Vector3d::Zero();               ///< Mean of the points, weighted by their forces.
