@@ -80,8 +80,8 @@ struct ProxyContacts {
   std::array<double, kSupportSlots> support_friction{};
   std::array<Vec3, kSupportSlots> support_velocity_m_s{};
   std::array<double, kSupportSlots> support_inverse_mass_per_kg{};  ///< Of what holds; 0: no force moves it.
-  std::array<std::uint32_t, kSupportSlots>
-      support_points{};  ///< Loaded contact points: 1 a point; 3 or more, or two faces, a patch.
+  std::array<std::uint32_t, kSupportSlots> support_points{};  ///< Loaded contact points: 1 a point; 2 an edge or one of
+                                                              ///< its ends; 3 or more, or two faces, a patch.
 
   // What soft bodies, and bodies too light for impulses, do to the tool, at instants in order of time: in the world
   // now, and further on if the tool goes on as it goes.
