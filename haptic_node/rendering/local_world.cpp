@@ -424,6 +424,7 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
 /// @param push_n_s Of a mean, on the proxy, instead of what wavers. @returns what the hand feels of it: where the proxy
 /// is pressed to a wall, the wall bears as much more or less, and its friction too.
 Vector3d LocalWorld::unheld(Vector3d push_n_s) const noexcept {
+  if (push_n_s.isZero(0.0)) return push_n_s;
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
     const SolverContact& row = rows_[i];
     if (row.normal_n_s <= 0.0) continue;
