@@ -308,7 +308,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
       SolverContact& row = rows[count++];
       row = row_of(supports.rows[i], h);
       row.softness_per_kg *= tick_s / h;  // gives way as fast as it does tick by tick
-      // A body that is jammed between hand and edge has a second solution, in which it flies off (P. Painleve, 1895).
+      // A body that is jammed between hand and edge has a second solution, in which it flies off (P. Painlevé, 1895).
       // With the friction of the tick before it stays in the one that it is in.
       row.impulse_n_s = h / since.tick_s * supports.rows[i].impulse_n_s;
       if (!lies_) {

@@ -154,7 +154,7 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t no
                             std::span<std::size_t> slot_of_row, std::span<Quaterniond> turned) noexcept {
   const std::size_t rigid_rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
   const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
-  std::array<std::size_t, rtbus::kContactSlots> count{}, ends{};  // of edges, two each
+  std::array<std::size_t, rtbus::kContactSlots> count{}, ends{};  // `ends`: of edges
   std::array<double, rtbus::kContactSlots> loosest{};
   for (std::size_t i = 0; i < supports; ++i) {
     const std::size_t row = answer.support_body[i];

@@ -53,10 +53,10 @@ class ProxyContactSet {
     double radius_m = 0.0;      ///< Of the ball whose surface it is; 0: a plane.
     int surface = -1;           ///< Known surface on which it is found anew in each step; −1: none …
     std::uint64_t feature = 0;  ///< … and what of it it is on.
-    double friction = 0.0;
-    double offset_m = 0.0;                                  ///< Added to the gap: what is still to be blended in …
-    double blend_m_s = 0.0;                                 ///< … and how fast the surface rises by that.
-    double gap_m = 0.0;                                     ///< As of the last step, offset included.
+    double friction = 0.0;      ///< Coulomb coefficient of the pair [1].
+    double offset_m = 0.0;      ///< Added to the gap: what is still to be blended in …
+    double blend_m_s = 0.0;     ///< … and how fast the surface rises by that.
+    double gap_m = 0.0;         ///< As of the last step, offset included.
     Eigen::Vector3d late_m_s = Eigen::Vector3d::Zero();     ///< Added to the surface's velocity; decays with the blend.
     bool fades = false;                                     ///< Physics does not know it any more …
     Eigen::Vector3d faded_m = Eigen::Vector3d::Zero();      ///< … it is a plane here, which only recedes.

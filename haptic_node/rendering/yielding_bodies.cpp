@@ -38,15 +38,13 @@ Vector3d direction(const Vector3d& reaction_n, const Vector3d& normal) noexcept 
 std::optional<double> YieldingBodies::take(const rtbus::ProxyContacts& answer, const Vector3d& proxy_m,
                                            std::uint64_t now_ns, const Blend& blend) noexcept {
   blend_ = blend;
-  const bool felt = normal_n_s_ > 0.0;
+  const bool touched = normal_n_s_ > 0.0;
   const auto bears_n = [&] {
     if (count_ == 0) return Vector3d(Vector3d::Zero());
-    const Instant now = at(now_ns);
-    const Vector3d n = direction(now.reaction_n, now.normal);
-    const double ahead_m = n.dot(proxy_m - now.tool_m) + now.gap_m;
-    return Vector3d(std::max(0.0, now.reaction_n.norm() + n.dot(late_n_) - along_n_per_m_ * ahead_m) * n);
+    const Felt here = felt(now_ns);
+    return Vector3d(std::max(0.0, here.bears_n - along_n_per_m_ * here.ahead_m(proxy_m)) * here.n);
   };
-  const Vector3d before_n = felt ? bears_n() : Vector3d(Vector3d::Zero());
+  const Vector3d before_n = touched ? bears_n() : Vector3d(Vector3d::Zero());
   count_ = std::min<std::size_t>(answer.yields, rtbus::kYieldSlots);
   from_ns_ = answer.device_time_ns;
   along_n_per_m_ = std::max(answer.yield_stiffness_n_per_m, kSoftest_n_per_m);
@@ -58,7 +56,7 @@ std::optional<double> YieldingBodies::take(const rtbus::ProxyContacts& answer, c
                     vector_of(answer.yield_normal[i]), answer.yield_gap_m[i]};
   }
   late_n_.setZero();
-  if (!felt || count_ == 0) return std::nullopt;
+  if (!touched || count_ == 0) return std::nullopt;
   late_n_ = before_n - bears_n();
   return late_n_.norm() / along_n_per_m_;
 }
@@ -76,11 +74,16 @@ YieldingBodies::Instant YieldingBodies::at(std::uint64_t now_ns) const noexcept 
           a.normal + share * (b.normal - a.normal), a.gap_m + share * (b.gap_m - a.gap_m)};
 }
 
-Vector3d YieldingBodies::bears_n(std::uint64_t now_ns) const noexcept {
-  if (count_ == 0) return Vector3d::Zero();
+YieldingBodies::Felt YieldingBodies::felt(std::uint64_t now_ns) const noexcept {
   const Instant now = at(now_ns);
   const Vector3d n = direction(now.reaction_n, now.normal);
-  return std::max(0.0, now.reaction_n.norm() + n.dot(late_n_)) * n;
+  return {now, n, now.reaction_n.norm() + n.dot(late_n_)};
+}
+
+Vector3d YieldingBodies::bears_n(std::uint64_t now_ns) const noexcept {
+  if (count_ == 0) return Vector3d::Zero();
+  const Felt here = felt(now_ns);
+  return std::max(0.0, here.bears_n) * here.n;
 }
 
 std::size_t YieldingBodies::add_row(const Vector3d& proxy_m, std::uint64_t now_ns, double h, SolverBody& proxy,
@@ -88,19 +91,17 @@ std::size_t YieldingBodies::add_row(const Vector3d& proxy_m, std::uint64_t now_n
   row_ = kNoRow;
   across_n_s_.setZero();
   if (count_ == 0) return 0;
-  const Instant now = at(now_ns);
-  const Vector3d n = direction(now.reaction_n, now.normal);
-  const Vector3d aside_m = proxy_m + h * proxy.velocity_m_s - now.tool_m;
-  const double bears_n = now.reaction_n.norm() + n.dot(late_n_);
-  const double ahead_m = n.dot(aside_m) + now.gap_m;
-  if (bears_n <= along_n_per_m_ * ahead_m) return 0;
+  const Felt here = felt(now_ns);
+  const Vector3d& n = here.n;
+  const Vector3d then_m = proxy_m + h * proxy.velocity_m_s, aside_m = then_m - here.now.tool_m;
+  if (here.bears_n <= along_n_per_m_ * here.ahead_m(then_m)) return 0;
   row_ = first;
   SolverContact& row = rows[first];
   row = SolverContact{};
   row.normal = n;
-  row.closing_m_s = (n.dot(proxy_m - now.tool_m) + now.gap_m) / h;
+  row.closing_m_s = here.ahead_m(proxy_m) / h;
   row.softness_per_kg = 1.0 / (h * h * along_n_per_m_);
-  row.expected_n_s = h * bears_n;
+  row.expected_n_s = h * here.bears_n;
   row.impulse_n_s = normal_n_s_ * n;  // warm start
   // Across: implicit by itself, within what friction holds.
   const double held = h * h * across_n_per_m_;

@@ -46,7 +46,7 @@ class YieldingBodies {
   /// Whether there is anything to average: something is near, or its mean is still felt.
   [[nodiscard]] bool averages() const noexcept { return near() || mean_weight_ > 0.0; }
 
-  /// On a proxy where the tool is.
+  /// The force on a proxy where the tool of physics is now.
   [[nodiscard]] Eigen::Vector3d bears_n(std::uint64_t now_ns) const noexcept RTBUS_NONBLOCKING;
 
   /// The row of the tick of `h` that ends at `now_ns`; what acts across is given to `proxy` at once.
@@ -75,6 +75,16 @@ class YieldingBodies {
     double gap_m = 0.0;
   };
   [[nodiscard]] Instant at(std::uint64_t now_ns) const noexcept;
+  /// An instant, and what is felt there: so much where the tool is, along `n`; less or more ahead of it.
+  struct Felt {
+    Instant now;
+    Eigen::Vector3d n;
+    double bears_n;
+    [[nodiscard]] double ahead_m(const Eigen::Vector3d& proxy_m) const noexcept {
+      return n.dot(proxy_m - now.tool_m) + now.gap_m;
+    }
+  };
+  [[nodiscard]] Felt felt(std::uint64_t now_ns) const noexcept;
 
   std::size_t count_ = 0;
   std::array<Instant, rtbus::kYieldSlots> instants_{};

@@ -20,7 +20,7 @@ struct Contact {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitY();  ///< Unit, from the body to the proxy.
   double gap_m = 0.0;  ///< From surface to surface along the normal; negative: penetrates.
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of the body, at the point.
-  double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
+  double friction = 0.0;                                           ///< Coulomb coefficient of the pair [1].
   double curvature_per_m = 0.0;                                    ///< Of the surface of a ball; 0: treated as a plane.
   /// Inverse effective mass of the body for a force at the point: acceleration of the point = this · force. Symmetric.
   /// Zero for a body that no force moves. Rigid: 1/m·1 − [r]×·I⁻¹·[r]×, r from the centre of mass to the point.
@@ -65,7 +65,7 @@ struct Support {
   Eigen::Vector3d point_m = Eigen::Vector3d::Zero();               ///< Mean of the points, weighted by their forces.
   Eigen::Vector3d normal = Eigen::Vector3d::UnitY();               ///< Unit, towards the supported body.
   double normal_force_n = 0.0;                                     ///< > 0.
-  double friction = 0.0;                                           ///< Coulomb coefficient of the pair.
+  double friction = 0.0;                                           ///< Coulomb coefficient of the pair [1].
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what holds, at the point.
   double inverse_mass_per_kg = 0.0;                                ///< Of what holds; 0: no force moves it.
   /// Contact points that carry: 1 is a point, 2 an edge, more are a patch. Face on face is a patch with however many.
@@ -89,7 +89,7 @@ struct ToolReaction {
   std::array<Instant, kInstants> instants{};
   /// By how much the reaction falls where the tool is not there but elsewhere: along the reaction, and across.
   double stiffness_n_per_m = 0.0, stiffness_across_n_per_m = 0.0;
-  double friction = 0.0;  ///< Coulomb coefficient of the pair.
+  double friction = 0.0;  ///< Coulomb coefficient of the pair [1].
   double rest = 0.0;      ///< 0 to 1: how much it counts as at rest, since nobody has moved for long.
 };
 

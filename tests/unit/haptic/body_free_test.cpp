@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -65,6 +66,37 @@ TEST(FreeBody, StaysOnItsEdge) {
   haptic::BodyMotion motion;
   (void)falls(0.02, 0.1, 8, motion);
   EXPECT_LT((motion.centre_m - motion.q_WB * FallingBox::centre_B_m() - FallingBox::kEdge_m).norm(), 30e-6);
+}
+
+/// A body on an edge, whose ends an answer tells in another order than the one before.
+TEST(FreeBody, GoesOnWithWhatTheNearestSupportBore) {
+  constexpr std::uint64_t kNow_ns = 1'000'000'000;
+  rtbus::ProxyContacts answer = FallingBox::answer(0.0, kNow_ns);
+  answer.supports = 2;
+  answer.support_normal[1] = answer.support_normal[0];
+  answer.support_points = {2, 2};
+  answer.support_point_m[0][2] = -FallingBox::kHalf_m.z();
+  answer.support_point_m[1] = answer.support_point_m[0];
+  answer.support_point_m[1][2] = FallingBox::kHalf_m.z();
+  const haptic::KnownShapes unknown;
+  const haptic::Tuning tuning;
+  const haptic::OtherHands nobody(0);
+  const haptic::ImpulseHistory history;
+  const haptic::Impulse nothing;
+  const haptic::SinceAnswer since{kNow_ns, kNow_ns, 1,      1e-3, history, nothing, {nobody, answer, 0},
+                                  nullptr, tuning,  unknown};
+  haptic::FreeBody body;
+  haptic::BodyMotion motion;
+  SupportPool before, after;
+  (void)body.take({answer, 0, true, 2, 0.0}, since, 0.0, before, after, motion);
+  ASSERT_EQ(before.count, 2U);
+  before.rows[0].impulse_n_s = {0.0, 1.0, 0.0};
+  before.rows[1].impulse_n_s = {0.0, 2.0, 0.0};
+  std::swap(answer.support_point_m[0], answer.support_point_m[1]);
+  (void)body.take({answer, 0, true, 2, 0.0}, since, 0.0, after, before, motion);
+  ASSERT_EQ(after.count, 2U);
+  EXPECT_EQ(after.rows[0].impulse_n_s.y(), 2.0);
+  EXPECT_EQ(after.rows[1].impulse_n_s.y(), 1.0);
 }
 
 }  // namespace body_free_test
