@@ -333,7 +333,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     next.angular_velocity_rad_s +=
         next.inverse_inertia_per_kg_m2 * (h * torque_n_m_ + after.angular_n_m_s - before.angular_n_m_s);
     // Every part goes on from what the one before it found, the first from the tick before.
-    if (count > 0) relax_contacts(&next, rows, count, since.tuning.fewest_sweeps(), kTolerance_m_s);
+    if (count > 0) relax_contacts(&next, rows, count, since.tuning.fewest_sweeps(), kTolerance_m_s * h / tick_s);
     // Impulses came evenly over the part, each at the beginning of its tick.
     const Vector3d faster_m_s = next.velocity_m_s - body.velocity_m_s;
     motion.centre_m += h * (body.velocity_m_s + 0.5 * faster_m_s) + 0.5 * tick_s * faster_m_s;

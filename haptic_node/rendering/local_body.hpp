@@ -13,6 +13,7 @@
 #include "haptic_node/rendering/body_free.hpp"
 #include "haptic_node/rendering/body_motion.hpp"
 #include "haptic_node/rendering/body_pile.hpp"
+#include "haptic_node/rendering/ladder_share.hpp"
 
 namespace haptic {
 
@@ -29,9 +30,7 @@ struct LocalBody {
   PileBody::Known known;                                 ///< By the last answer.
   std::size_t place = 0;                                 ///< Among the hand impulses.
   Impulse heard;                                         ///< By other hands, in the running step.
-  /// What easing and safety ladder added to the contact impulses of the last step. A free body gets it in the next one,
-  /// other kinds with the next answer.
-  Impulse ladder_residual;
+  LadderShare ladder;                                    ///< Of a free one. Other kinds get it with the next answer.
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody> kind;
 
   /// An impulse of the hand moves it.

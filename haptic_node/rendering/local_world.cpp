@@ -24,6 +24,8 @@ constexpr int kNetworkParts = 64;
 
 /// The change of the force by an answer is eased in for a period at most, or as long as bodies need to come to rest.
 constexpr double kEasesFloors = 3.0, kLongestEase_s = 0.1;
+/// To which a tick is solved without the answer, for its force alone: at 500 N/m and 0.5 N·s/m that is good to 30 uN.
+constexpr double kForeseen_m_s = 3e-5;
 /// At the device: 0.1 N in a tick of 1 ms is no jump.
 constexpr double kFastest_n_per_s = 100.0;
 
@@ -201,7 +203,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     body.place = impulses_.hold(body.index);
   }
   body.used = body.named = true;
-  body.ladder_residual = Impulse{};  // it is in the history
+  body.ladder.replayed();
   const SinceAnswer since{answer.device_time_ns,
                           now_ns,
                           parts,
@@ -274,7 +276,7 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
     return;
   }
   contacts_.blend(bodies_, h);
-  if (solve(spring, h) > 0) give_impulses();
+  if (solve(spring, h, kTolerance_m_s) > 0) give_impulses();
   ease(spring, h);
   if (yielding_.averages()) {
     calm_n_s_ = unheld(yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h));
@@ -313,24 +315,24 @@ void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
 }
 
 /// A second time where the proxy comes around an edge within the step. @returns rows.
-std::size_t LocalWorld::solve(const LocalSpring& spring, double h) noexcept {
+std::size_t LocalWorld::solve(const LocalSpring& spring, double h, double tolerance_m_s) noexcept {
   pull_proxy(spring, h);
   const Vector3d free_way_m = h * solver_bodies_[0].velocity_m_s;
-  const std::size_t rows = solve_once(h, false);
+  const std::size_t rows = solve_once(h, tolerance_m_s, false);
   if (rows == 0) return 0;
   const Vector3d way_m = h * solver_bodies_[0].velocity_m_s;
   const std::span<const SolverContact> contacts(rows_.data(), solved_contacts_);
   if (!contacts_.bend(bodies_, proxy_, way_m, free_way_m, contacts, h, shapes_)) return rows;
   pull_proxy(spring, h);
-  return solve_once(h, true);
+  return solve_once(h, tolerance_m_s, true);
 }
 
-std::size_t LocalWorld::solve_once(double h, bool again) noexcept {
+std::size_t LocalWorld::solve_once(double h, double tolerance_m_s, bool again) noexcept {
   const std::size_t rows = gather(h, again);
   if (rows == 0) return 0;
   const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows), tuning_.fewest_sweeps(),
                                 tuning_.most_sweeps());
-  solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps, kTolerance_m_s);
+  solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps, tolerance_m_s);
   return rows;
 }
 
@@ -341,7 +343,7 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
   contacts_.keep();
   contacts_.blend(bodies_, h);
   Vector3d sum_n_s = Vector3d::Zero();
-  if (solve(spring, h) > 0) {
+  if (solve(spring, h, kForeseen_m_s) > 0) {
     for (std::size_t i = 0; i < solved_contacts_; ++i) sum_n_s += rows_[i].impulse_n_s;
     sum_n_s += yielding_.impulse_n_s(rows_.data());
   }
@@ -402,7 +404,7 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
       on_free_ = true;
     }
     Impulse given = bodies_[slot].heard;
-    given += bodies_[slot].ladder_residual;
+    given += bodies_[slot].ladder.due();
     const bool joins =
         free->join(bodies_[slot].motion, given, touched[slot], next, h, solver_bodies_[static_cast<std::size_t>(next)]);
     next += joins ? 1 : 0;
@@ -470,7 +472,7 @@ void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
   impulses_.settle(impulse_n_s + calm_n_s_);
   for (const auto& entry : impulses_.entries()) {
     if (entry.slot == kBodies) continue;  // what yields feels it in physics
-    bodies_[entry.slot].ladder_residual += entry.more;
+    bodies_[entry.slot].ladder.add(entry.more);
   }
 }
 
@@ -479,7 +481,7 @@ void LocalWorld::move_bodies(double h) noexcept {
   for (std::size_t slot = 0; slot < slots_; ++slot) {
     LocalBody& body = bodies_[slot];
     if (!body.used) continue;
-    body.ladder_residual = Impulse{};
+    body.ladder.step();
     if (auto* const driven = body.as<DrivenBody>()) driven->advance(step, body.motion);
     if (auto* const free = body.as<FreeBody>()) {
       free->advance(step, supports_, body.motion);

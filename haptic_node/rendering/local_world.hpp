@@ -105,8 +105,8 @@ class LocalWorld {
   void pull_proxy(const LocalSpring& spring, double h) noexcept;
   void begin_tick(const LocalSpring& spring, std::uint64_t sample_ns, double h) noexcept;
   void brake(double h) noexcept;
-  [[nodiscard]] std::size_t solve(const LocalSpring& spring, double h) noexcept;
-  std::size_t solve_once(double h, bool again) noexcept;
+  [[nodiscard]] std::size_t solve(const LocalSpring& spring, double h, double tolerance_m_s) noexcept;
+  std::size_t solve_once(double h, double tolerance_m_s, bool again) noexcept;
   void ease(const LocalSpring& spring, double h) noexcept;
   std::size_t gather(double h, bool again) noexcept;
   [[nodiscard]] bool hand_rests() const noexcept { return hand_m_s_.norm() < tuning_.resting_hand_m_s(); }
