@@ -210,7 +210,7 @@ int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
   while (sweeps < max_sweeps) {
     ++sweeps;
     double change = 0.0;
-    for (std::size_t i = count; i-- > 0;) change = std::max(change, relax(bodies, contacts[i]));
+    for (std::size_t i = 0; i < count; ++i) change = std::max(change, relax(bodies, contacts[i]));
     if (change <= tolerance_m_s) break;
   }
   for (std::size_t i = 0; i < count; ++i) end(contacts[i]);

@@ -62,10 +62,8 @@ struct SolverContact {
 
 /// Projected Gauss-Seidel, J. J. Moreau's sweeping process in impulses (M. Jean, "The non-smooth contact dynamics
 /// method", CMAME 177, 1999): each contact in turn gets the normal impulse ≥ 0 that keeps its gap, and the tangential
-/// one, at most friction times it, that stops its slip. It goes from the last to the first: when the sweeps run out,
-/// the first contact, which is the hand's, is the one that is exact. Begins with the impulses found in `contacts`; adds
-/// all of them to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than
-/// `tolerance_m_s`.
+/// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
+/// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than `tolerance_m_s`.
 /// @returns the sweeps made. @realtime Yes.
 int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                    double tolerance_m_s) noexcept RTBUS_NONBLOCKING;

@@ -152,21 +152,6 @@ TEST(ContactSolver, ABlockThatStandsTakesOneSweepInATick) {
   EXPECT_LT(stands.body.velocity_m_s.norm(), 2.0 * haptic::kTolerance_m_s);
 }
 
-// When the sweeps run out, the first contact is exact: the hand's, which is felt. Between it and the floor is a body
-// that weighs a hundredth of what presses.
-TEST(ContactSolver, TheFirstContactIsSolvedLast) {
-  SolverBody bodies[2];
-  bodies[0].velocity_m_s = Vector3d(0, -0.1, 0);
-  bodies[0].inverse_mass_per_kg = 1.0 / kMassKg;
-  bodies[1].inverse_mass_per_kg = 100.0 / kMassKg;
-  SolverContact contacts[2];
-  contacts[0].b = 1;
-  contacts[1].a = 1;
-  solve_contacts(bodies, contacts, 2, 4, kTolerance_m_s);
-  EXPECT_NEAR(bodies[0].velocity_m_s.y(), bodies[1].velocity_m_s.y(), 1e-12);
-  EXPECT_LT(bodies[1].velocity_m_s.y(), -1e-3) << "the other one is not, yet";
-}
-
 TEST(ContactSolver, APatchResistsSpin) {
   SolverBody body = block({0, 0, 0});
   body.inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Identity() / 1e-5;
