@@ -51,7 +51,8 @@ TEST(LadderShare, ExpectsWhatLastsAndNotWhatHappensOnce) {
 }
 
 // Seed 2000458596. A hand presses with 5 N against a body of 0.1 kg, and the ladder leaves 0.3 N, which the friction of
-// the floor bears, up to 0.5 N. With each answer the body got 4.7 N for a tick, and went 0.2 mm.
+// the floor bears, up to 0.5 N. With each answer the body got 4.7 N for a tick, and
+// went 0.7 mm.
 TEST(LadderShare, ABodyIsNotPushedByWhatTheLadderTakes) {
   constexpr double kStiffness = 500.0, kDepth_m = 0.01, kLeft_n = 0.3, kWeight_n = 1.0, kFriction = 0.5;
   tests::HeldWorld hand(kStiffness, 0.5);
