@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 namespace haptic {
 namespace {
@@ -291,6 +292,7 @@ void FreeBody::follow_corners(const BodyMotion& motion, const Quaterniond& turne
 }
 
 Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept {
+  const BodyMotion told = motion;
   // Behind a network what stands still stands until it is pushed. In a part in which that begins, friction would brake
   // it from before.
   const bool waits = since.networked && since.others.none() && support_count_ > 0 &&
@@ -346,8 +348,15 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   const bool pushed = !(before.angular_n_m_s - since.given_at(from_ns).angular_n_m_s).isZero(0.0);
   const double more_rad = way_s * (body.angular_velocity_rad_s - motion.angular_velocity_rad_s).norm();
   if (has_shape_ && pushed && more_rad > kBlocked_rad) {
-    // A hand that turns it so far would not touch it there any more: something that is not told holds it.
-    turned = turn_of(motion.angular_velocity_rad_s, way_s);
+    // A hand that turns it so far would not touch it there any more: something that is not told holds it. It turns as
+    // it did, and goes where the hand brings what does not turn.
+    motion = told;
+    motion.angular_velocity_rad_s.setZero();
+    const Matrix3d inverse_inertia_per_kg_m2 = std::exchange(inverse_inertia_per_kg_m2_, Matrix3d::Zero());
+    resimulate(since, supports, motion);
+    inverse_inertia_per_kg_m2_ = inverse_inertia_per_kg_m2;
+    motion.angular_velocity_rad_s = told.angular_velocity_rad_s;
+    turned = turn_of(told.angular_velocity_rad_s, way_s);
   } else {
     motion.angular_velocity_rad_s = body.angular_velocity_rad_s;
   }
