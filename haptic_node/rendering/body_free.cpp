@@ -352,6 +352,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     // it did, and goes where the hand brings what does not turn.
     motion = told;
     motion.angular_velocity_rad_s.setZero();
+    if (lies_) find_corners(motion.centre_m, motion.q_WB, supports);  // they have gone with it
     const Matrix3d inverse_inertia_per_kg_m2 = std::exchange(inverse_inertia_per_kg_m2_, Matrix3d::Zero());
     resimulate(since, supports, motion);
     inverse_inertia_per_kg_m2_ = inverse_inertia_per_kg_m2;

@@ -113,7 +113,7 @@ struct SinceAnswer {
 struct StepSolution {
   const SolverBody* bodies = nullptr;
   const SolverContact* rows = nullptr;
-  double h = 0.0;
+  double h = 0.0;                                        ///< How long it is [s].
   Eigen::Vector3d pushed_n_s = Eigen::Vector3d::Zero();  ///< By the proxy, on the body.
 };
 

@@ -18,22 +18,25 @@ using haptic::SupportPool;
 using tests::FallingBox;
 
 /// What the body makes of an answer that is `age_s` old. @returns how far it has turned, towards +x.
-double falls(double past_rad, double age_s, int parts, haptic::BodyMotion& motion) {
+/// @param pushed By a hand, evenly over that time.
+double falls(double past_rad, double age_s, int parts, haptic::BodyMotion& motion, const haptic::Impulse& pushed = {}) {
   constexpr double kTick_s = 1e-3;
   constexpr std::uint64_t kSample_ns = 1'000'000'000;
   const rtbus::ProxyContacts answer = FallingBox::answer(past_rad, kSample_ns);
   const haptic::KnownShapes shapes(FallingBox::shapes());
   const haptic::Tuning tuning;
   const haptic::OtherHands nobody(0);
-  const haptic::ImpulseHistory history;
-  const haptic::Impulse nothing;
+  haptic::ImpulseHistory history;
+  if (!pushed.is_zero()) {
+    history.add(kSample_ns, kSample_ns + static_cast<std::uint64_t>(age_s * 1e9), 0, haptic::Impulse{}, pushed);
+  }
   std::array<haptic::SolverContact, SupportPool::kSupports> scratch;
   const haptic::SinceAnswer since{kSample_ns,
                                   kSample_ns + static_cast<std::uint64_t>(age_s * 1e9),
                                   parts,
                                   kTick_s,
                                   history,
-                                  nothing,
+                                  pushed,
                                   {nobody, answer, 0},
                                   scratch.data(),
                                   tuning,
@@ -66,6 +69,20 @@ TEST(FreeBody, StaysOnItsEdge) {
   haptic::BodyMotion motion;
   (void)falls(0.02, 0.1, 8, motion);
   EXPECT_LT((motion.centre_m - motion.q_WB * FallingBox::centre_B_m() - FallingBox::kEdge_m).norm(), 30e-6);
+}
+
+// A hand that turns it by more than half a radian would not touch it there any more: something holds it from that. It
+// stands then, on the friction of its edge, and does not lie where it would have fallen.
+TEST(FreeBody, WhatIsHeldFromTurningStands) {
+  constexpr double kPushed_n_s = 0.1;
+  const haptic::Impulse pushed{{kPushed_n_s, 0, 0}, {0, 0, -0.04 * kPushed_n_s}};
+  const Eigen::Vector3d told_m = rtbus::vector_of(FallingBox::answer(0.02, 1).body_centre_m[0]);
+  for (const int parts : {8, 13}) {
+    haptic::BodyMotion motion;
+    EXPECT_EQ(falls(0.02, 0.1, parts, motion, pushed), 0.0);
+    EXPECT_LT((motion.centre_m - told_m).norm(), 1e-3) << parts << " parts";
+    EXPECT_LT(motion.velocity_m_s.norm(), 0.01) << parts << " parts";
+  }
 }
 
 /// A body on an edge, whose ends an answer tells in another order than the one before.
