@@ -6,6 +6,8 @@
 #include <numbers>
 #include <utility>
 
+#include "haptic_node/rendering/load_shares.hpp"
+
 namespace haptic {
 namespace {
 
@@ -48,6 +50,31 @@ Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
 double nearest_m(const rtbus::shapes::FacePoints& corners, double none_m) noexcept {
   const auto end = corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count);
   return corners.count > 0 ? *std::min_element(corners.gap_m.begin(), end) : none_m;
+}
+
+/// Places of a face's corners among its rows.
+using Places = std::array<std::size_t, FreeBody::kCorners>;
+
+/// Each corner keeps the row that it had: the one that was nearest. What it bore is there.
+/// @param rows Of the face, kCorners.
+Places places_of(const rtbus::shapes::FacePoints& corners, const Vector3d& centre_m,
+                 std::span<const Support> rows) noexcept {
+  Places out{};
+  std::array<bool, FreeBody::kCorners> taken{};
+  for (std::size_t k = 0; k < corners.count; ++k) {
+    std::size_t best = rows.size();
+    double best_m2 = 0.0;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if (taken[i]) continue;
+      const double away_m2 = (corners.point_m[k] - centre_m - rows[i].from_centre_m).squaredNorm();
+      if (best < rows.size() && !(away_m2 < best_m2)) continue;
+      best = i;
+      best_m2 = away_m2;
+    }
+    taken[best] = true;
+    out[k] = best;
+  }
+  return out;
 }
 
 /// Only balls have contacts with a curvature.
@@ -99,7 +126,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      if (!lie_on_faces(since.shapes, since.tuning, motion, supports, before)) stand_on(since.tuning, supports, motion);
+      if (!lie_on_faces(since, motion, supports, before)) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -152,25 +179,30 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
 
 /// A box or a hull whose supports are all on planes and boxes that are known lies there with its corners, or with those
 /// of what holds it. It tips, turns and slides off as they push.
+/// Each corner is expected to bear what it bore in physics, whose force on the face is told with its centre.
 /// @param before Its supports so far, if it lay so then: what they bore is what its corners begin with.
-bool FreeBody::lie_on_faces(const KnownShapes& shapes, const Tuning& tuning, const BodyMotion& motion,
-                            SupportPool& supports, std::span<const Support> before) noexcept {
+bool FreeBody::lie_on_faces(const SinceAnswer& since, const BodyMotion& motion, SupportPool& supports,
+                            std::span<const Support> before) noexcept {
   if (box_ == nullptr && hull_ == nullptr) return false;
   std::array<Support, kFaces> held;
   std::array<rtbus::shapes::FacePoints, kFaces> found;
+  const std::array<HeldFace, kFaces> faces_before = faces_;
   face_count_ = 0;
   for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
     const Support& told = supports.rows[i];
     rtbus::shapes::FacePoints corners;
-    const auto* const holder = shapes.holder_at(motion.centre_m + told.from_centre_m, [&](const auto& each) {
+    const auto* const holder = since.shapes.holder_at(motion.centre_m + told.from_centre_m, [&](const auto& each) {
       return corners_on(each, motion.centre_m, motion.q_WB, corners) &&
-             corners.normal.dot(told.normal) >= tuning.same_plane_cosine;
+             corners.normal.dot(told.normal) >= since.tuning.same_plane_cosine;
     });
     if (holder == nullptr) return false;
     std::size_t face = 0;
     while (face < face_count_ && faces_[face].holder != holder) ++face;
     if (face < face_count_) {
-      held[face].force_n += told.force_n;
+      const double both_n = held[face].force_n + told.force_n;
+      const double share = both_n > 0.0 ? told.force_n / both_n : 0.0;
+      held[face].from_centre_m += share * (told.from_centre_m - held[face].from_centre_m);
+      held[face].force_n = both_n;
       continue;
     }
     if (face_count_ == kFaces) return false;
@@ -184,14 +216,29 @@ bool FreeBody::lie_on_faces(const KnownShapes& shapes, const Tuning& tuning, con
   supports.spare -= more;
   supports.count = first_support_;
   for (std::size_t i = 0; i < face_count_; ++i) {
+    const std::span rows(supports.rows.data() + supports.count, kCorners);
+    supports.count += kCorners;
     Support corner = held[i];
-    corner.force_n /= kCorners;
+    corner.force_n = 0.0;
     corner.impulse_n_s /= kCorners;
     corner.velocity_m_s.setZero();
     corner.torsion_radius_m = corner.torsion_n_m_s = 0.0;
-    for (std::size_t k = 0; k < kCorners; ++k) {
-      if (before.size() == kCorners * face_count_) corner.impulse_n_s = before[kCorners * i + k].impulse_n_s;
-      supports.rows[supports.count++] = corner;
+    std::fill(rows.begin(), rows.end(), corner);
+    bool lay = false;
+    for (std::size_t j = 0; kCorners * j < before.size() && !lay; ++j) {
+      if (faces_before[j].holder != faces_[i].holder) continue;
+      lay = true;
+      for (std::size_t k = 0; k < kCorners; ++k) {
+        rows[k].from_centre_m = before[kCorners * j + k].from_centre_m;
+        rows[k].impulse_n_s = before[kCorners * j + k].impulse_n_s;
+      }
+    }
+    const Places places = places_of(found[i], motion.centre_m, rows);
+    const auto shares = load_shares(found[i], motion.centre_m + held[i].from_centre_m);
+    for (std::size_t k = 0; k < found[i].count; ++k) {
+      Support& row = rows[places[k]];
+      row.force_n = shares[k] * held[i].force_n;
+      if (!lay) row.impulse_n_s += (row.force_n * since.tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
     }
     put_corners(i, found[i], motion.centre_m, supports);
   }
@@ -216,13 +263,14 @@ void FreeBody::find_corners(const Vector3d& centre_m, const Quaterniond& q_WB, S
 
 void FreeBody::put_corners(std::size_t face, const rtbus::shapes::FacePoints& corners, const Vector3d& centre_m,
                            SupportPool& supports) const noexcept {
-  for (std::size_t k = 0; k < kCorners; ++k) {
-    Support& support = supports.rows[first_support_ + kCorners * face + k];
-    support.gap_m = kFar_m;
-    if (k >= corners.count) continue;
-    support.from_centre_m = corners.point_m[k] - centre_m;
-    support.normal = corners.normal;
-    support.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m;
+  const std::span rows(supports.rows.data() + first_support_ + kCorners * face, kCorners);
+  const Places places = places_of(corners, centre_m, rows);
+  for (Support& row : rows) row.gap_m = kFar_m;
+  for (std::size_t k = 0; k < corners.count; ++k) {
+    Support& row = rows[places[k]];
+    row.from_centre_m = corners.point_m[k] - centre_m;
+    row.normal = corners.normal;
+    row.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m;
   }
 }
 

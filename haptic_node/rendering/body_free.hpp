@@ -67,8 +67,8 @@ class FreeBody {
  private:
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
-  [[nodiscard]] bool lie_on_faces(const KnownShapes& shapes, const Tuning& tuning, const BodyMotion& motion,
-                                  SupportPool& supports, std::span<const Support> before) noexcept;
+  [[nodiscard]] bool lie_on_faces(const SinceAnswer& since, const BodyMotion& motion, SupportPool& supports,
+                                  std::span<const Support> before) noexcept;
   /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
   bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
                   const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;

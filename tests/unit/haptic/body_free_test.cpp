@@ -17,12 +17,13 @@ namespace body_free_test {
 using haptic::SupportPool;
 using tests::FallingBox;
 
-/// What the body makes of an answer that is `age_s` old. @returns how far it has turned, towards +x.
+constexpr std::uint64_t kSample_ns = 1'000'000'000;
+
+/// What the body makes of an answer that is `age_s` old. @returns its turn since.
 /// @param pushed By a hand, evenly over that time.
-double falls(double past_rad, double age_s, int parts, haptic::BodyMotion& motion, const haptic::Impulse& pushed = {}) {
+Eigen::Quaterniond replay(const rtbus::ProxyContacts& answer, double age_s, int parts, haptic::BodyMotion& motion,
+                          const haptic::Impulse& pushed = {}) {
   constexpr double kTick_s = 1e-3;
-  constexpr std::uint64_t kSample_ns = 1'000'000'000;
-  const rtbus::ProxyContacts answer = FallingBox::answer(past_rad, kSample_ns);
   const haptic::KnownShapes shapes(FallingBox::shapes());
   const haptic::Tuning tuning;
   const haptic::OtherHands nobody(0);
@@ -44,7 +45,21 @@ double falls(double past_rad, double age_s, int parts, haptic::BodyMotion& motio
   SupportPool supports, before;
   supports.spare = SupportPool::kSupports - 1;
   haptic::FreeBody body;
-  return -2.0 * body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, before, motion).z();
+  return body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, before, motion);
+}
+
+/// @returns how far it has turned, towards +x.
+double falls(double past_rad, double age_s, int parts, haptic::BodyMotion& motion, const haptic::Impulse& pushed = {}) {
+  return -2.0 * replay(FallingBox::answer(past_rad, kSample_ns), age_s, parts, motion, pushed).z();
+}
+
+/// The box lies on its broad face, at rest, and the floor bears its weight at `x_m` beside its centre: something holds
+/// it that is not told.
+rtbus::ProxyContacts lies_on_its_face(double x_m) {
+  rtbus::ProxyContacts answer = FallingBox::answer(-FallingBox::kBalanced_rad, kSample_ns);
+  answer.body_external_torque_n_m[0] = {};
+  answer.support_point_m[0][0] += x_m - FallingBox::kHalf_m.x();
+  return answer;
 }
 
 /// Its weight turns it the faster, the farther it has turned. A replay whose weight pushed where it did at first made
@@ -82,6 +97,57 @@ TEST(FreeBody, WhatIsHeldFromTurningStands) {
     EXPECT_EQ(falls(0.02, 0.1, parts, motion, pushed), 0.0);
     EXPECT_LT((motion.centre_m - told_m).norm(), 1e-3) << parts << " parts";
     EXPECT_LT(motion.velocity_m_s.norm(), 0.01) << parts << " parts";
+  }
+}
+
+// Its corners bear what they bore, and give way to nothing. When each was taken to bear a quarter, it tilted in each
+// answer.
+TEST(FreeBody, WhatRestsOnOneSideDoesNotTilt) {
+  for (const double x_m : {0.0, 0.006, -0.009}) {
+    haptic::BodyMotion motion;
+    EXPECT_LT(replay(lies_on_its_face(x_m), 0.1, 8, motion).vec().norm(), 1e-7) << x_m;
+    EXPECT_LT(motion.velocity_m_s.norm(), 1e-6) << x_m;
+  }
+}
+
+// Which corner of a hull comes first depends on a nanometre.
+TEST(FreeBody, ACornerGoesOnWithWhatItBore) {
+  using Eigen::Vector3d;
+  rtbus::shapes::Hull hull;
+  for (const double x : {-1.0, 1.0}) {
+    for (const double y : {-1.0, 1.0}) {
+      for (const double z : {-1.0, 1.0})
+        hull.points_m.emplace_back(Vector3d(x, y, z).cwiseProduct(FallingBox::kHalf_m));
+    }
+  }
+  auto known = FallingBox::shapes();
+  known[0].shape = hull;
+  const haptic::KnownShapes shapes(known);
+  const haptic::Tuning tuning;
+  const haptic::OtherHands nobody(0);
+  const haptic::ImpulseHistory history;
+  const haptic::Impulse nothing;
+  rtbus::ProxyContacts answer = lies_on_its_face(0.0);
+  const haptic::SinceAnswer since{kSample_ns, kSample_ns,          1,       1e-3,   history,
+                                  nothing,    {nobody, answer, 0}, nullptr, tuning, shapes};
+  haptic::FreeBody body;
+  haptic::BodyMotion motion;
+  const auto take = [&](const Eigen::Quaterniond& turn, SupportPool& supports, const SupportPool& old) {
+    supports.spare = SupportPool::kSupports - 1;
+    answer.body_orientation_wxyz[0] = {turn.w(), turn.x(), turn.y(), turn.z()};
+    (void)body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, old, motion);
+    ASSERT_EQ(supports.count, 4U);
+  };
+  const Eigen::Quaterniond about_x(Eigen::AngleAxisd(1e-9, Vector3d::UnitX()));
+  const Eigen::Quaterniond about_z(Eigen::AngleAxisd(1e-9, Vector3d::UnitZ()));
+  SupportPool none, before, after;
+  take(about_x, before, none);
+  for (std::size_t i = 0; i < 4; ++i) before.rows[i].impulse_n_s = {0.0, 1.0 + static_cast<double>(i), 0.0};
+  take(about_z, after, before);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto was = static_cast<std::size_t>(after.rows[i].impulse_n_s.y() - 1.0);
+    ASSERT_LT(was, 4U);
+    EXPECT_LT((after.rows[i].from_centre_m - before.rows[was].from_centre_m).norm(), 1e-6) << i;
   }
 }
 
