@@ -179,7 +179,6 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
 
 /// A box or a hull whose supports are all on planes and boxes that are known lies there with its corners, or with those
 /// of what holds it. It tips, turns and slides off as they push.
-/// Each corner is expected to bear what it bore in physics, whose force on the face is told with its centre.
 /// @param before Its supports so far, if it lay so then: what they bore is what its corners begin with.
 bool FreeBody::lie_on_faces(const SinceAnswer& since, const BodyMotion& motion, SupportPool& supports,
                             std::span<const Support> before) noexcept {
@@ -216,34 +215,42 @@ bool FreeBody::lie_on_faces(const SinceAnswer& since, const BodyMotion& motion, 
   supports.spare -= more;
   supports.count = first_support_;
   for (std::size_t i = 0; i < face_count_; ++i) {
-    const std::span rows(supports.rows.data() + supports.count, kCorners);
-    supports.count += kCorners;
-    Support corner = held[i];
-    corner.force_n = 0.0;
-    corner.impulse_n_s /= kCorners;
-    corner.velocity_m_s.setZero();
-    corner.torsion_radius_m = corner.torsion_n_m_s = 0.0;
-    std::fill(rows.begin(), rows.end(), corner);
-    bool lay = false;
-    for (std::size_t j = 0; kCorners * j < before.size() && !lay; ++j) {
-      if (faces_before[j].holder != faces_[i].holder) continue;
-      lay = true;
-      for (std::size_t k = 0; k < kCorners; ++k) {
-        rows[k].from_centre_m = before[kCorners * j + k].from_centre_m;
-        rows[k].impulse_n_s = before[kCorners * j + k].impulse_n_s;
-      }
+    std::span<const Support> bore;
+    for (std::size_t j = 0; kCorners * j < before.size(); ++j) {
+      if (faces_before[j].holder == faces_[i].holder) bore = before.subspan(kCorners * j, kCorners);
     }
-    const Places places = places_of(found[i], motion.centre_m, rows);
-    const auto shares = load_shares(found[i], motion.centre_m + held[i].from_centre_m);
-    for (std::size_t k = 0; k < found[i].count; ++k) {
-      Support& row = rows[places[k]];
-      row.force_n = shares[k] * held[i].force_n;
-      if (!lay) row.impulse_n_s += (row.force_n * since.tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
-    }
-    put_corners(i, found[i], motion.centre_m, supports);
+    lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, supports);
   }
   support_count_ = supports.count - first_support_;
   return true;
+}
+
+/// Adds the rows of a face. Each corner is expected to bear what it bore in physics, whose force on the face is told
+/// with its centre.
+/// @param bore The rows of this face so far, with which its corners begin; empty: it did not lie there.
+void FreeBody::lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
+                      std::span<const Support> bore, const Vector3d& centre_m, double tick_s,
+                      SupportPool& supports) const noexcept {
+  const std::span rows(supports.rows.data() + supports.count, kCorners);
+  supports.count += kCorners;
+  Support corner = told;
+  corner.force_n = 0.0;
+  corner.impulse_n_s /= kCorners;
+  corner.velocity_m_s.setZero();
+  corner.torsion_radius_m = corner.torsion_n_m_s = 0.0;
+  std::fill(rows.begin(), rows.end(), corner);
+  for (std::size_t k = 0; k < bore.size(); ++k) {
+    rows[k].from_centre_m = bore[k].from_centre_m;
+    rows[k].impulse_n_s = bore[k].impulse_n_s;
+  }
+  const Places places = places_of(corners, centre_m, rows);
+  const auto shares = load_shares(corners, centre_m + told.from_centre_m);
+  for (std::size_t k = 0; k < corners.count; ++k) {
+    Support& row = rows[places[k]];
+    row.force_n = shares[k] * told.force_n;
+    if (bore.empty()) row.impulse_n_s += (row.force_n * tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
+  }
+  put_corners(face, corners, centre_m, supports);
 }
 
 bool FreeBody::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& centre_m, const Quaterniond& q_WB,

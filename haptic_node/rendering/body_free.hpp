@@ -69,6 +69,9 @@ class FreeBody {
                      const SupportPool& old) noexcept;
   [[nodiscard]] bool lie_on_faces(const SinceAnswer& since, const BodyMotion& motion, SupportPool& supports,
                                   std::span<const Support> before) noexcept;
+  void lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
+              std::span<const Support> bore, const Eigen::Vector3d& centre_m, double tick_s,
+              SupportPool& supports) const noexcept;
   /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
   bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
                   const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
