@@ -1,6 +1,5 @@
 #include "haptic_node/rendering/load_shares.hpp"
 
-#include <algorithm>
 #include <cstddef>
 
 namespace haptic {

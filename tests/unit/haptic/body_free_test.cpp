@@ -53,9 +53,9 @@ double falls(double past_rad, double age_s, int parts, haptic::BodyMotion& motio
   return -2.0 * replay(FallingBox::answer(past_rad, kSample_ns), age_s, parts, motion, pushed).z();
 }
 
-/// The box lies on its broad face, at rest, and the floor bears its weight at `x_m` beside its centre: something holds
+/// The box stands on a face, at rest, and the floor bears its weight at `x_m` beside its centre: something holds
 /// it that is not told.
-rtbus::ProxyContacts lies_on_its_face(double x_m) {
+rtbus::ProxyContacts stands_on_a_face(double x_m) {
   rtbus::ProxyContacts answer = FallingBox::answer(-FallingBox::kBalanced_rad, kSample_ns);
   answer.body_external_torque_n_m[0] = {};
   answer.support_point_m[0][0] += x_m - FallingBox::kHalf_m.x();
@@ -105,7 +105,7 @@ TEST(FreeBody, WhatIsHeldFromTurningStands) {
 TEST(FreeBody, WhatRestsOnOneSideDoesNotTilt) {
   for (const double x_m : {0.0, 0.006, -0.009}) {
     haptic::BodyMotion motion;
-    EXPECT_LT(replay(lies_on_its_face(x_m), 0.1, 8, motion).vec().norm(), 1e-7) << x_m;
+    EXPECT_LT(replay(stands_on_a_face(x_m), 0.1, 8, motion).vec().norm(), 1e-7) << x_m;
     EXPECT_LT(motion.velocity_m_s.norm(), 1e-6) << x_m;
   }
 }
@@ -127,7 +127,7 @@ TEST(FreeBody, ACornerGoesOnWithWhatItBore) {
   const haptic::OtherHands nobody(0);
   const haptic::ImpulseHistory history;
   const haptic::Impulse nothing;
-  rtbus::ProxyContacts answer = lies_on_its_face(0.0);
+  rtbus::ProxyContacts answer = stands_on_a_face(0.0);
   const haptic::SinceAnswer since{kSample_ns, kSample_ns,          1,       1e-3,   history,
                                   nothing,    {nobody, answer, 0}, nullptr, tuning, shapes};
   haptic::FreeBody body;
