@@ -72,9 +72,9 @@ rtbus::Result<void, DeviceFault> HaplyLine::choose(const Inventory& inventory) {
 }
 
 // The list of devices that the service sends unasked.
-rtbus::Result<void, DeviceFault> HaplyLine::greet(const std::string& where) {
+rtbus::Result<void, DeviceFault> HaplyLine::greet(const std::string& where, const io::StopFlag& stop) {
   std::string_view text;
-  if (socket_.receive(text, rtbus::monotonic_ns() + 2 * rtbus::kNsPerS) != WireStatus::kOk) {
+  if (socket_.receive_first(text, stop) != WireStatus::kOk) {
     return Failure{DeviceFault{"the Inverse Service at " + where + " sends no list of devices" + socket_.why_closed() +
                                "; restart it"}};
   }
@@ -110,7 +110,7 @@ rtbus::Result<void, DeviceFault> HaplyLine::connect(io::StopFlag& stop) {
                     "; start it with `sudo systemctl start haply-inverse-service`, install it from Haply, or "
                     "correct `port:`"}};
   }
-  if (auto chosen = greet(where); !chosen) {
+  if (auto chosen = greet(where, stop); !chosen) {
     socket_.close();
     return chosen;
   }

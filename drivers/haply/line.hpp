@@ -52,7 +52,7 @@ class HaplyLine final : public io::Line {
 
  private:
   [[nodiscard]] rtbus::Result<void, DeviceFault> choose(const Inventory& inventory);
-  [[nodiscard]] rtbus::Result<void, DeviceFault> greet(const std::string& where);
+  [[nodiscard]] rtbus::Result<void, DeviceFault> greet(const std::string& where, const io::StopFlag& stop);
   [[nodiscard]] rtbus::Result<void, DeviceFault> claim(const std::string& where);
   void check_echo(const ServiceState& state);
   void check_excess(const ServiceState& state);

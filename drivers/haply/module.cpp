@@ -117,7 +117,7 @@ std::vector<Finding> look(bool load) {
     return out;
   }
   std::string_view text;
-  if (socket.receive(text, rtbus::monotonic_ns() + rtbus::kNsPerS) != WireStatus::kOk) {
+  if (socket.receive_first(text, stop) != WireStatus::kOk) {
     out.push_back({"Haply Inverse Service", false, "runs, sends no list of devices", "restart it"});
     return out;
   }

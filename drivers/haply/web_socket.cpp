@@ -38,12 +38,18 @@ struct WebSocket::State {
   /// Serves both sockets until `done`, the deadline, or the end of the first one.
   template <class Done>
   void serve_until(std::uint64_t deadline_ns, Done done);
+  /// The same with the patience of a beginning, until `stop`.
+  template <class Done>
+  void serve_patiently(const io::StopFlag& stop, Done done);
   void open(Connection& connection, const std::string& address, int port, io::StopFlag& stop);
 };
 
 namespace {
 
-constexpr std::uint64_t kConnectPatienceNs = 2 * rtbus::kNsPerS;
+/// What comes at the beginning is awaited for so many slices, in which both ends have run: a machine that stands still
+/// for a while uses up one of them.
+constexpr int kPatienceSlices = 60;
+constexpr std::uint64_t kSliceNs = 50 * rtbus::kNsPerMs;
 constexpr std::size_t kLongestMessage = 1 << 20;
 /// Events that nobody takes: the oldest ones go.
 constexpr std::size_t kMostEvents = 64;
@@ -142,6 +148,13 @@ void WebSocket::State::serve_until(std::uint64_t deadline_ns, Done done) {
   lws_sul_schedule(context, 0, &alarm.timer, &ring, LWS_SET_TIMER_USEC_CANCEL);
 }
 
+template <class Done>
+void WebSocket::State::serve_patiently(const io::StopFlag& stop, Done done) {
+  for (int slice = 0; slice < kPatienceSlices && !done() && !main.closed && !stop.raised(); ++slice) {
+    serve_until(rtbus::monotonic_ns() + kSliceNs, done);
+  }
+}
+
 void WebSocket::State::open(Connection& connection, const std::string& address, int port, io::StopFlag& stop) {
   lws_client_connect_info to{};
   to.context = context;
@@ -153,10 +166,8 @@ void WebSocket::State::open(Connection& connection, const std::string& address, 
   if (lws_client_connect_via_info(&to) == nullptr && connection.problem.empty()) {
     connection.problem = "it refuses the connection";
   }
-  const auto done = [&] { return connection.connected || connection.closed; };
-  const std::uint64_t until_ns = rtbus::monotonic_ns() + kConnectPatienceNs;
-  while (connection.problem.empty() && !done() && rtbus::monotonic_ns() < until_ns && !stop.raised()) {
-    serve_until(rtbus::monotonic_ns() + 50 * rtbus::kNsPerMs, done);
+  if (connection.problem.empty()) {
+    serve_patiently(stop, [&] { return connection.connected || connection.closed; });
   }
   if (connection.connected || !connection.problem.empty()) return;
   connection.problem = connection.closed ? "it closes the connection" : "it does not answer";
@@ -214,6 +225,12 @@ WireStatus WebSocket::send(std::string_view text, std::uint64_t deadline_ns) {
   lws_callback_on_writable(state_->main.socket);
   state_->serve_until(deadline_ns, [&] { return state_->written; });
   return state_->written ? WireStatus::kOk : state_->main.closed ? WireStatus::kClosed : WireStatus::kTimeout;
+}
+
+WireStatus WebSocket::receive_first(std::string_view& out, const io::StopFlag& stop) {
+  if (state_->context == nullptr) return WireStatus::kClosed;
+  state_->serve_patiently(stop, [&] { return !state_->main.messages.empty(); });
+  return receive(out, 0);
 }
 
 WireStatus WebSocket::receive(std::string_view& out, std::uint64_t deadline_ns) {

@@ -22,6 +22,8 @@ class WebSocket {
 
   /// Connects to ws://`address`:`port`/. Empty: it did; else why not, in the library's words.
   [[nodiscard]] std::string connect(const std::string& address, int port, io::StopFlag& stop);
+  /// The first message, for which it waits as long as for a connection. `out` as of receive().
+  [[nodiscard]] WireStatus receive_first(std::string_view& out, const io::StopFlag& stop);
   /// One text frame.
   [[nodiscard]] WireStatus send(std::string_view text, std::uint64_t deadline_ns);
   /// The next whole message, text alone: who sends binary frames is no Inverse Service, and gets a close. `out` is

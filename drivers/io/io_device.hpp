@@ -136,6 +136,7 @@ class IoDevice final : public Device {
   std::uint64_t samples_ = 0;  ///< Since start().
   std::uint64_t last_send_ns_ = 0;
   std::uint64_t last_answer_ns_ = 0;
+  int silent_exchanges_ = 0;  ///< In a row.
   bool link_silent_ = false;
   bool pushing_ = false;           ///< The last command that left was a force.
   bool realtime_ = false;          ///< SCHED_FIFO is asked for: from the first sample of a ready device on.

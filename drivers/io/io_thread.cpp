@@ -13,6 +13,9 @@ namespace {
 
 constexpr std::uint64_t kFirstBackOffNs = 200 * rtbus::kNsPerMs;
 constexpr std::uint64_t kLongestBackOffNs = 2 * rtbus::kNsPerS;
+/// A device is silent only after so many exchanges without an answer, however long they took: this process may have
+/// stood still itself.
+constexpr int kSilentExchanges = 3;
 
 }  // namespace
 
@@ -94,6 +97,7 @@ void IoDevice::tell_figures() {
 IoDevice::Ended IoDevice::exchange() noexcept {
   last_send_ns_ = 0;
   link_silent_ = false;
+  silent_exchanges_ = 0;
   last_answer_ns_ = rtbus::monotonic_ns();
   std::uint64_t due_ns = last_answer_ns_;
   while (!stop_.raised()) {
@@ -106,10 +110,12 @@ IoDevice::Ended IoDevice::exchange() noexcept {
     due_ns += settings_.device_paces ? period_ns_ / 2 : period_ns_;
     switch (step()) {
       case ExchangeStatus::kSample:
+        silent_exchanges_ = 0;
         break;
       case ExchangeStatus::kNothing:
         bump(silences_);
-        link_silent_ = rtbus::seconds_between(last_answer_ns_, rtbus::monotonic_ns()) > settings_.lost_after_s;
+        link_silent_ = ++silent_exchanges_ >= kSilentExchanges &&
+                       rtbus::seconds_between(last_answer_ns_, rtbus::monotonic_ns()) > settings_.lost_after_s;
         if (link_silent_) return Ended::kLost;
         break;
       case ExchangeStatus::kFault:

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "rtbus/clock.hpp"
 #include "tests/support/bare_loops.hpp"
@@ -394,6 +395,47 @@ TEST_F(IoDeviceTest, FetchFirstAnswersAFreshMeasurement) {
   EXPECT_GT(device_->sample_to_wire().count(), 100u);
   // Two exchanges per period.
   EXPECT_GT(device_->figures().protocol.exchanges, device_->sample_period().count() * 3 / 2);
+}
+
+/// A device that always answers. In its first exchange the thread itself stands still until nobody waits any more.
+struct StandsStillOnce final : io::Line {
+  explicit StandsStillOnce(double s) : for_s(s) {}
+  rtbus::Result<void, DeviceFault> connect(StopFlag&) override {
+    ++connections;
+    return {};
+  }
+  io::SendStatus send(const Vec3&, double, bool, std::uint64_t) noexcept override { return io::SendStatus::kSent; }
+  io::ExchangeStatus receive(DeviceSample& out, std::uint64_t) noexcept override {
+    if (const double s = std::exchange(for_s, 0.0); s > 0.0) {
+      rtbus::sleep_until(rtbus::monotonic_ns() + rtbus::ns_of(s));
+      return io::ExchangeStatus::kNothing;
+    }
+    out.time_ns = rtbus::monotonic_ns();
+    return io::ExchangeStatus::kSample;
+  }
+  void disconnect(bool) noexcept override {}
+  [[nodiscard]] io::Readiness readiness() const noexcept override { return io::Readiness::kReady; }
+  [[nodiscard]] const io::LinkCounters& counters() const noexcept override { return none; }
+
+  double for_s;
+  int connections = 0;
+  io::LinkCounters none;
+};
+
+TEST(IoDevices, AMachineThatStandsStillIsNoDeviceThatIsSilent) {
+  IoSettings io = settings();
+  io.lost_after_s = 0.05;
+  StandsStillOnce* line = nullptr;
+  io::IoDevice device(io, IoThread{}, [&] {
+    auto out = std::make_unique<StandsStillOnce>(2.0 * io.lost_after_s);
+    line = out.get();
+    return out;
+  });
+  const auto started = device.start(0);
+  ASSERT_TRUE(started) << started.error().message;
+  EXPECT_EQ(device.figures().silences, 1u);
+  device.stop();
+  EXPECT_EQ(line->connections, 1);
 }
 
 TEST(IoDevices, TwoRunSideBySide) {

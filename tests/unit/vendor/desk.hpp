@@ -78,6 +78,12 @@ struct Desk {
   explicit Desk(const std::string& yaml) : config(parse_device(yaml)), device(std::move(*config->open({}))) {}
   ~Desk() { device->stop(); }
 
+  /// Brings the device up. @returns what is wrong; empty: nothing.
+  std::string start() {
+    const auto started = device->start(rtbus::monotonic_ns());
+    return started ? "" : started.error().message;
+  }
+
   using Law = std::function<drivers::Vec3(const drivers::DeviceSample&)>;
 
   /// One cycle of a loop that the device paces. True: the device answered and took the force of the law.

@@ -201,8 +201,7 @@ std::string omega(const std::string& keys, const std::string& unit) {
 TEST(ForceDimension, PushesInTheDirectionThatIsAsked) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     Desk desk(omega("", ""));
-    const auto started = desk.device->start(rtbus::monotonic_ns());
-    ASSERT_TRUE(started) << started.error().message;
+    ASSERT_EQ(desk.start(), "");
     ASSERT_TRUE(desk.ready());
     const Vec3 from = desk.sample.position_m;
     Vec3 force{};
@@ -219,7 +218,7 @@ TEST(ForceDimension, PushesInTheDirectionThatIsAsked) {
 TEST(ForceDimension, TurnsTheWristAboutTheVertical) {
   Desk desk(
       "{schema: device/1, driver: force_dimension, model: omega6, virtual: {wrist_rad: 0.5, mechanics: {mass_kg: 1}}}");
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   const Quat& q = desk.sample.orientation_wxyz;
   EXPECT_NEAR(q[0], std::cos(0.25), 1e-9);
@@ -232,7 +231,7 @@ TEST(ForceDimension, ReadsItsGripperAndWhenAskedForItsVelocity) {
       "{schema: device/1, driver: force_dimension, model: omega7, read_velocity: true, virtual: {gripper_m: 0.012, "
       "mechanics: {mass_kg: 0.5, coulomb_n: 0}}}");
   EXPECT_TRUE(desk.config->info().measures_velocity);
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   EXPECT_TRUE(desk.until(2.0, {0, 2.0, 0}, [&] { return desk.sample.velocity_m_s[1] > 0.05; })) << "the maker's z";
   EXPECT_NEAR(desk.sample.velocity_m_s[0], 0.0, 1e-3);
@@ -241,7 +240,7 @@ TEST(ForceDimension, ReadsItsGripperAndWhenAskedForItsVelocity) {
 
 TEST(ForceDimension, ReadsNeitherGripperNorVelocityUnasked) {
   Desk plain(omega("", "gripper_m: 0.012"));
-  ASSERT_TRUE(plain.device->start(0));
+  ASSERT_EQ(plain.start(), "");
   ASSERT_TRUE(plain.ready());
   (void)plain.until(0.05, {0, 2.0, 0}, [] { return false; });
   EXPECT_FALSE(plain.config->info().measures_velocity);
@@ -252,8 +251,7 @@ TEST(ForceDimension, ReadsNeitherGripperNorVelocityUnasked) {
 TEST(ForceDimension, CalibratesItselfOnlyWithConsent) {
   EXPECT_THAT(problem_of(omega("", "calibrated: false")), HasSubstr("auto_init: true"));
   Desk desk(omega("auto_init: true", "calibrated: false, auto_init_s: 0.1"));
-  const auto started = desk.device->start(0);
-  ASSERT_TRUE(started) << started.error().message;
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   EXPECT_TRUE(desk.moves({2.0, 0, 0}, 0.005, 2.0)) << "regulation was stopped: forces act";
 }
@@ -262,7 +260,7 @@ TEST(ForceDimension, CalibratesItselfOnlyWithConsent) {
 TEST(ForceDimension, NeverMovesByItselfWhenItLosesItsCalibrationInMidRun) {
   const Trigger trigger;
   Desk desk(omega("auto_init: true", "auto_init_s: 0.1, lose_calibration_at_s: 0, " + trigger.key()));
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   trigger.pull();
   EXPECT_TRUE(desk.says("lost its calibration"));
@@ -272,7 +270,7 @@ TEST(ForceDimension, NeverMovesByItselfWhenItLosesItsCalibrationInMidRun) {
 TEST(ForceDimension, ItsForceButtonTurnsForcesOffAndOn) {
   const Trigger trigger;
   Desk desk(omega("", "force_button_at_s: 0, " + trigger.key()));
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   trigger.pull();
   bool lost = false;  // the second press comes when the driver has learned of the first, and not sooner
@@ -286,7 +284,7 @@ TEST(ForceDimension, ItsForceButtonTurnsForcesOffAndOn) {
 TEST(ForceDimension, UnpluggedAndPluggedInItComesBackWithASoftStart) {
   const Trigger trigger;
   Desk desk(omega("", trigger.key("unplug_at_s: 0, replug_after_s: 0.5")));
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   trigger.pull();
   EXPECT_TRUE(desk.says("unplugged"));
@@ -296,7 +294,7 @@ TEST(ForceDimension, UnpluggedAndPluggedInItComesBackWithASoftStart) {
 
 TEST(ForceDimension, ACallThatBlocksForLongerThanAPeriodCostsSamplesNotTheForce) {
   Desk desk(omega("", "call_us: 1500"));
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   EXPECT_TRUE(desk.moves({2.0, 0, 0}, 0.005, 3.0));
 }
@@ -304,7 +302,7 @@ TEST(ForceDimension, ACallThatBlocksForLongerThanAPeriodCostsSamplesNotTheForce)
 TEST(ForceDimension, WhileACallHangsTheDevicesOwnWatchdogEndsTheForce) {
   const Trigger trigger;
   Desk desk(omega("", "block_at_s: 0, block_s: 0.3, " + trigger.key()));
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   trigger.pull();
   EXPECT_TRUE(desk.says("watchdog", 5.0, {1.0, 0, 0})) << desk.said;
@@ -314,7 +312,7 @@ TEST(ForceDimension, WhileACallHangsTheDevicesOwnWatchdogEndsTheForce) {
 TEST(ForceDimension, UnpluggedForGoodItSaysWhatToCheck) {
   const Trigger trigger;
   Desk desk(omega("", trigger.key("unplug_at_s: 0")));
-  ASSERT_TRUE(desk.device->start(0));
+  ASSERT_EQ(desk.start(), "");
   ASSERT_TRUE(desk.ready());
   trigger.pull();
   EXPECT_TRUE(desk.says("no Force Dimension device")) << desk.said;

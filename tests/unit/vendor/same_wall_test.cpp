@@ -57,8 +57,7 @@ Push through_simulated() {
 
 Push through(const std::string& driver, const std::string& unit) {
   tests::Desk desk("{schema: device/1, driver: " + driver + ", virtual: {" + unit + kMechanics + "}, " + kHand + "}}");
-  const auto started = desk.device->start(rtbus::monotonic_ns());
-  EXPECT_TRUE(started) << started.error().message;
+  EXPECT_EQ(desk.start(), "");
   // Like a node's loop, where that is permitted.
   const rtbus::ThreadScheduling ordinary;
   (void)rtbus::enter_realtime({.priority = 80, .lock_memory = false, .hold_dma_latency = false});
