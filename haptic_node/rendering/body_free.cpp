@@ -6,8 +6,6 @@
 #include <numbers>
 #include <utility>
 
-#include "haptic_node/rendering/load_shares.hpp"
-
 namespace haptic {
 namespace {
 
@@ -23,8 +21,6 @@ constexpr std::uint32_t kPatchPoints = 3;
 constexpr double kPatchRadius = std::numbers::sqrt3;
 /// What goes slower than this, in either way, stands still.
 constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
-/// A corner that is not there does not touch.
-constexpr double kFar_m = 1.0;
 /// A corner that has sunk in comes out by this part of its depth in a step, at most at this speed.
 constexpr double kOut = 0.2, kOut_m_s = 0.05;
 /// Corners of a body that has moved and turned by less since they were found are the same ones.
@@ -43,37 +39,6 @@ constexpr double kRelaxes = 0.05;
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
   out << m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5];
-  return out;
-}
-
-/// @returns the least gap; none: there is no corner.
-double nearest_m(const rtbus::shapes::FacePoints& corners, double none_m) noexcept {
-  const auto end = corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count);
-  return corners.count > 0 ? *std::min_element(corners.gap_m.begin(), end) : none_m;
-}
-
-/// Places of a face's corners among its rows.
-using Places = std::array<std::size_t, FreeBody::kCorners>;
-
-/// Each corner keeps the row that it had: the one that was nearest. What it bore is there.
-/// @param rows Of the face, kCorners.
-Places places_of(const rtbus::shapes::FacePoints& corners, const Vector3d& centre_m,
-                 std::span<const Support> rows) noexcept {
-  Places out{};
-  std::array<bool, FreeBody::kCorners> taken{};
-  for (std::size_t k = 0; k < corners.count; ++k) {
-    std::size_t best = rows.size();
-    double best_m2 = 0.0;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      if (taken[i]) continue;
-      const double away_m2 = (corners.point_m[k] - centre_m - rows[i].from_centre_m).squaredNorm();
-      if (best < rows.size() && !(away_m2 < best_m2)) continue;
-      best = i;
-      best_m2 = away_m2;
-    }
-    taken[best] = true;
-    out[k] = best;
-  }
   return out;
 }
 
@@ -99,15 +64,12 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
   ball_ = is_ball(told);
   supported_ = rocks_ = false;
-  const std::span before(old.rows.data() + first_support_, lies_ ? support_count_ : 0);
-  lies_ = false;
+  const auto corners_before = corners_.leave(old);
   const bool heavy = inverse_mass_per_kg_ * since.proxy_kg * kHeavy < 1.0;
   const auto* const known =
       heavy && told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
   has_shape_ = known != nullptr;
-  box_ = has_shape_ ? std::get_if<rtbus::shapes::Box>(&known->shape) : nullptr;
-  hull_ = has_shape_ ? std::get_if<rtbus::shapes::Hull>(&known->shape) : nullptr;
-  origin_B_m_ = told.origin_B_m();
+  corners_.be(known, told.origin_B_m());
   // A hand that pushes otherwise than at the answered instant moves it against its supports, and its own spring relaxes
   // by that. What is light would sink and rise with every answer.
   const double relaxes =
@@ -126,7 +88,9 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      if (!lie_on_faces(since, motion, supports, before)) stand_on(since.tuning, supports, motion);
+      const bool lies = corners_.lie_down(since, motion, corners_before, first_support_, supports);
+      support_count_ = supports.count - first_support_;
+      if (!lies) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
       // It has slept since it was made: nobody knows yet what it stands on, only how hard that holds it.
       --supports.spare;
@@ -177,110 +141,6 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
   support_count_ = supports.count - first_support_;
 }
 
-/// A box or a hull whose supports are all on planes and boxes that are known lies there with its corners, or with those
-/// of what holds it. It tips, turns and slides off as they push.
-/// @param before Its supports so far, if it lay so then: what they bore is what its corners begin with.
-bool FreeBody::lie_on_faces(const SinceAnswer& since, const BodyMotion& motion, SupportPool& supports,
-                            std::span<const Support> before) noexcept {
-  if (box_ == nullptr && hull_ == nullptr) return false;
-  std::array<Support, kFaces> held;
-  std::array<rtbus::shapes::FacePoints, kFaces> found;
-  const std::array<HeldFace, kFaces> faces_before = faces_;
-  face_count_ = 0;
-  for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
-    const Support& told = supports.rows[i];
-    rtbus::shapes::FacePoints corners;
-    const auto* const holder = since.shapes.holder_at(motion.centre_m + told.from_centre_m, [&](const auto& each) {
-      return corners_on(each, motion.centre_m, motion.q_WB, corners) &&
-             corners.normal.dot(told.normal) >= since.tuning.same_plane_cosine;
-    });
-    if (holder == nullptr) return false;
-    std::size_t face = 0;
-    while (face < face_count_ && faces_[face].holder != holder) ++face;
-    if (face < face_count_) {
-      const double both_n = held[face].force_n + told.force_n;
-      const double share = both_n > 0.0 ? told.force_n / both_n : 0.0;
-      held[face].from_centre_m += share * (told.from_centre_m - held[face].from_centre_m);
-      held[face].force_n = both_n;
-      continue;
-    }
-    if (face_count_ == kFaces) return false;
-    held[face] = told;
-    found[face] = corners;
-    faces_[face_count_++] = {holder, nearest_m(corners, 0.0)};
-  }
-  const std::size_t more = kCorners * face_count_ - std::min(support_count_, kCorners * face_count_);
-  if (supports.spare < more) return false;
-  lies_ = true;
-  supports.spare -= more;
-  supports.count = first_support_;
-  for (std::size_t i = 0; i < face_count_; ++i) {
-    std::span<const Support> bore;
-    for (std::size_t j = 0; kCorners * j < before.size(); ++j) {
-      if (faces_before[j].holder == faces_[i].holder) bore = before.subspan(kCorners * j, kCorners);
-    }
-    lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, supports);
-  }
-  support_count_ = supports.count - first_support_;
-  return true;
-}
-
-/// Adds the rows of a face. Each corner is expected to bear what it bore in physics, whose force on the face is told
-/// with its centre.
-/// @param bore The rows of this face so far, with which its corners begin; empty: it did not lie there.
-void FreeBody::lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
-                      std::span<const Support> bore, const Vector3d& centre_m, double tick_s,
-                      SupportPool& supports) const noexcept {
-  const std::span rows(supports.rows.data() + supports.count, kCorners);
-  supports.count += kCorners;
-  Support corner = told;
-  corner.force_n = 0.0;
-  corner.impulse_n_s /= kCorners;
-  corner.velocity_m_s.setZero();
-  corner.torsion_radius_m = corner.torsion_n_m_s = 0.0;
-  std::fill(rows.begin(), rows.end(), corner);
-  for (std::size_t k = 0; k < bore.size(); ++k) {
-    rows[k].from_centre_m = bore[k].from_centre_m;
-    rows[k].impulse_n_s = bore[k].impulse_n_s;
-  }
-  const Places places = places_of(corners, centre_m, rows);
-  const auto shares = load_shares(corners, centre_m + told.from_centre_m);
-  for (std::size_t k = 0; k < corners.count; ++k) {
-    Support& row = rows[places[k]];
-    row.force_n = shares[k] * told.force_n;
-    if (bore.empty()) row.impulse_n_s += (row.force_n * tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
-  }
-  put_corners(face, corners, centre_m, supports);
-}
-
-bool FreeBody::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& centre_m, const Quaterniond& q_WB,
-                          rtbus::shapes::FacePoints& out) const noexcept {
-  if (box_ != nullptr) return rtbus::shapes::face_points(*box_, q_WB, centre_m, holder, out);
-  rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, holder, out);
-  return out.count > 0;
-}
-
-void FreeBody::find_corners(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
-  for (std::size_t i = 0; i < face_count_; ++i) {
-    rtbus::shapes::FacePoints corners;
-    (void)corners_on(*faces_[i].holder, centre_m, q_WB, corners);
-    put_corners(i, corners, centre_m, supports);
-  }
-}
-
-void FreeBody::put_corners(std::size_t face, const rtbus::shapes::FacePoints& corners, const Vector3d& centre_m,
-                           SupportPool& supports) const noexcept {
-  const std::span rows(supports.rows.data() + first_support_ + kCorners * face, kCorners);
-  const Places places = places_of(corners, centre_m, rows);
-  for (Support& row : rows) row.gap_m = kFar_m;
-  for (std::size_t k = 0; k < corners.count; ++k) {
-    Support& row = rows[places[k]];
-    row.from_centre_m = corners.point_m[k] - centre_m;
-    row.normal = corners.normal;
-    row.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m;
-  }
-}
-
 /// A body that stands on a patch does not tilt: the patch pushes where it must.
 /// It may still spin about the normal.
 void FreeBody::stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept {
@@ -324,7 +184,7 @@ void FreeBody::follow_corners(const BodyMotion& motion, const Quaterniond& turne
   Vector3d turned_rad = 2.0 * (turned * found.turned.conjugate()).vec();  // of a small angle
   const bool far = moved_m.norm() > kSameCorners_m || turned_rad.norm() > kSameCorners_rad;
   if (far) {
-    find_corners(motion.centre_m, turned * motion.q_WB, supports);
+    corners_.find(motion.centre_m, turned * motion.q_WB, supports);
     found = {motion.centre_m, turned};
     moved_m.setZero();
     turned_rad.setZero();
@@ -368,7 +228,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
       // A body that is jammed between hand and edge has a second solution, in which it flies off (P. Painlevé, 1895).
       // With the friction of the tick before it stays in the one that it is in.
       row.impulse_n_s = h / since.tick_s * supports.rows[i].impulse_n_s;
-      if (!lies_) {
+      if (!corners_.lies()) {
         const Vector3d& normal = supports.rows[i].normal;
         row.impulse_n_s += (supports.rows[i].force_n * h - normal.dot(row.impulse_n_s)) * normal;
       }
@@ -384,7 +244,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
         from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
     Impulse after = since.given_at(until_ns);
     after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
-    if (lies_) follow_corners(motion, turned, h, 0.5 * (h - tick_s), body, found, supports, rows);
+    if (corners_.lies()) follow_corners(motion, turned, h, 0.5 * (h - tick_s), body, found, supports, rows);
     SolverBody next = body;
     next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
     next.angular_velocity_rad_s +=
@@ -407,7 +267,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
     // it did, and goes where the hand brings what does not turn.
     motion = told;
     motion.angular_velocity_rad_s.setZero();
-    if (lies_) find_corners(motion.centre_m, motion.q_WB, supports);  // they have gone with it
+    if (corners_.lies()) corners_.find(motion.centre_m, motion.q_WB, supports);  // they have gone with it
     const Matrix3d inverse_inertia_per_kg_m2 = std::exchange(inverse_inertia_per_kg_m2_, Matrix3d::Zero());
     resimulate(since, supports, motion);
     inverse_inertia_per_kg_m2_ = inverse_inertia_per_kg_m2;
@@ -421,7 +281,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   const Matrix3d R = turned.toRotationMatrix();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
   if (has_shape_) motion.q_WB = (turned * motion.q_WB).normalized();
-  if (ball_ || lies_) return turned;  // it rolls over what holds it: the support stays below the centre
+  if (ball_ || corners_.lies()) return turned;  // it rolls over what holds it: the support stays below the centre
   for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
     supports.rows[i].from_centre_m = turned * supports.rows[i].from_centre_m;
   }
@@ -475,7 +335,7 @@ void FreeBody::fill_row(const Vector3d& late_m_s, SolverContact& row) const noex
 std::size_t FreeBody::add_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
                                std::size_t first) noexcept {
   first_row_ = first;
-  if (lies_ && self_ >= 0) find_corners(motion.centre_m, motion.q_WB, supports);
+  if (corners_.lies() && self_ >= 0) corners_.find(motion.centre_m, motion.q_WB, supports);
   for (std::size_t i = 0; i < support_count_; ++i) {
     Support& support = supports.rows[first_support_ + i];
     if (self_ < 0) {

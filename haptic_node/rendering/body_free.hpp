@@ -1,28 +1,22 @@
 #pragma once
 /// @file body_free.hpp
 /// A body that forces move, on supports that stand. Frame W, SI units.
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "haptic_node/rendering/body_motion.hpp"
+#include "haptic_node/rendering/corner_supports.hpp"
 #include "haptic_node/rendering/support.hpp"
 #include "rtbus/realtime.hpp"
-#include "rtbus/shapes/face_points.hpp"
-#include "rtbus/shapes/hull_points.hpp"
 
 namespace haptic {
 
 /// Each support pushes back as far as the body is pushed against it. @realtime Yes.
 class FreeBody {
  public:
-  /// Of a box on a face.
-  static constexpr std::size_t kCorners = rtbus::shapes::FacePoints::kMost;
-
   /// Puts the body where the answer has it, and re-simulates it from there to now: under its forces, on its supports,
   /// with the impulses of all hands since, as advance() would have moved it, in fewer and longer steps.
   /// @param hand_m_s How fast the hand moves. @param supports Gets those of this body.
@@ -33,7 +27,8 @@ class FreeBody {
   /// An answer does not name the body: it stands on nothing that is known, and so has no weight either.
   void leave_supports() noexcept {
     support_count_ = 0;
-    lies_ = supported_ = false;
+    supported_ = false;
+    corners_.leave();
     force_n_.setZero();
     torque_n_m_.setZero();
   }
@@ -67,19 +62,6 @@ class FreeBody {
  private:
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
-  [[nodiscard]] bool lie_on_faces(const SinceAnswer& since, const BodyMotion& motion, SupportPool& supports,
-                                  std::span<const Support> before) noexcept;
-  void lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
-              std::span<const Support> bore, const Eigen::Vector3d& centre_m, double tick_s,
-              SupportPool& supports) const noexcept;
-  /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
-  bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
-                  const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
-  /// The corners of all faces, where the body is now.
-  void find_corners(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
-                    SupportPool& supports) const noexcept;
-  void put_corners(std::size_t face, const rtbus::shapes::FacePoints& corners, const Eigen::Vector3d& centre_m,
-                   SupportPool& supports) const noexcept;
   /// Where the body was in a re-simulation when its corners were found last.
   struct FoundCorners {
     Eigen::Vector3d centre_m;
@@ -95,13 +77,6 @@ class FreeBody {
     return {motion.velocity_m_s, motion.angular_velocity_rad_s, inverse_mass_per_kg_, inverse_inertia_per_kg_m2_};
   }
 
-  /// A face of what stands, on which the body lies with kCorners rows of the pool.
-  struct HeldFace {
-    const rtbus::shapes::PlacedShape* holder = nullptr;
-    double rest_gap_m = 0.0;  ///< Where physics has it touch.
-  };
-  static constexpr std::size_t kFaces = 4;
-
   double inverse_mass_per_kg_ = 0.0;
   double softness_per_kg_ = 0.0;  ///< Of each support: two that face each other
                                   ///< then never contradict each other.
@@ -110,12 +85,7 @@ class FreeBody {
   Eigen::Vector3d torque_n_m_ = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
   double friction_bound_n_ = 0.0;
   bool has_shape_ = false;
-  const rtbus::shapes::Box* box_ = nullptr;               ///< That shape, of a box …
-  const rtbus::shapes::Hull* hull_ = nullptr;             ///< … and of a hull.
-  Eigen::Vector3d origin_B_m_ = Eigen::Vector3d::Zero();  ///< Of the hull's frame, from the centre.
-  bool lies_ = false;  ///< On faces_, corner by corner; otherwise on supports as told.
-  std::array<HeldFace, kFaces> faces_{};
-  std::size_t face_count_ = 0;
+  CornerSupports corners_;  ///< Where it lies with them; otherwise it is on supports as told.
   bool ball_ = false;
   bool supported_ = false;
   bool rocks_ = false;                ///< Stands on no patch.

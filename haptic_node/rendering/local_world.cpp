@@ -3,27 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptic_node/rendering/blend.hpp"
-#include "rtbus/clock.hpp"
-
 namespace haptic {
 namespace {
 
-using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// Behind a network, where delays are long, vary, and answers get lost.
-/// An answer that is older than so many steps and so much more has come over one.
-constexpr double kNetworkSteps = 3.0, kNetwork_s = 10e-3;
-/// It is good for so much of its age: a body that has gone on for that long without news may do so a little longer.
-constexpr double kGoodForAge = 0.5;
-/// So many ages of an answer are hand impulses known.
-constexpr double kHistoryAges = 1.25;
-/// Parts from the instant of an answer to now, at most.
-constexpr int kNetworkParts = 64;
-
-/// The change of the force by an answer is eased in for a period at most, or as long as bodies need to come to rest.
-constexpr double kEasesFloors = 3.0, kLongestEase_s = 0.1;
 /// To which a tick is solved without the answer, for its force alone: at 500 N/m and 0.5 N·s/m that is good to 30 uN.
 constexpr double kForeseen_m_s = 3e-5;
 /// At the device: 0.1 N in a tick of 1 ms is no jump.
@@ -32,13 +16,6 @@ constexpr double kFastest_n_per_s = 100.0;
 /// Spring and damper over a step of `h`.
 double lag_of(const LocalSpring& spring, double h) noexcept {
   return h * spring.stiffness_n_per_m + spring.damping_n_s_per_m;
-}
-
-/// The supports of the farthest bodies may not have found a place. @returns the first row that lacks some.
-std::size_t complete_rows(const rtbus::ProxyContacts& answer) noexcept {
-  if (answer.supports_overflow == 0 || answer.supports == 0) return rtbus::kContactSlots;
-  const std::size_t last = std::min<std::size_t>(answer.supports, rtbus::kSupportSlots) - 1;
-  return std::max<std::size_t>(answer.support_body[last], 1);
 }
 
 }  // namespace
@@ -74,182 +51,6 @@ void LocalWorld::hear(std::span<const OtherHand> hands, std::uint64_t sample_ns)
       if (body.used && body.index == index) body.heard += more;
     }
   });
-}
-
-void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) noexcept {
-  const double age_s = answer.device_time_ns < now_ns ? rtbus::seconds_between(answer.device_time_ns, now_ns) : 0.0;
-  networked_ = age_s > kNetworkSteps * answer.step_s + kNetwork_s;
-  const double network_s = networked_ ? age_s : 0.0;
-  const double good_s =
-      std::max(tuning_.good_periods * answer.step_s + tuning_.good_besides_s, kGoodForAge * network_s);
-  good_until_ns_ = now_ns + static_cast<std::uint64_t>(good_s * 1e9);
-  const double history_ns = std::max(tuning_.history_periods() * answer.step_s, kHistoryAges * network_s) * 1e9;
-  const auto apart_ns = static_cast<std::uint64_t>(history_ns / ImpulseHistory::kRecords);
-  // Without a network samples and steps keep in step.
-  const double after_s = clock_.sample_after_world_s(answer.step_index, answer.step_s, answer.device_time_ns);
-  world_lag_s_ = networked_ ? after_s : 0.0;
-  impulses_.keep_apart(apart_ns);
-  other_hands_.keep_apart(apart_ns);
-  proxy_.radius_m = answer.proxy_radius_m;
-  ease_s_ = std::max(kEasesFloors * tuning_.blend_floor_s, std::min(answer.step_s, kLongestEase_s));
-  correction_m_.reset();
-  contacts_.remember(bodies_, proxy_);
-
-  for (LocalBody& body : slots()) body.named = false;
-  const std::size_t rigid = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
-  std::array<std::size_t, rtbus::kContactSlots> slot_of_row{};
-  std::array<Quaterniond, rtbus::kContactSlots> turned;
-  // The local world is at its last sample: the step to the one of `now_ns` comes after this.
-  take_rigid(answer, std::min(now_ns, now_ns_), slot_of_row, turned);
-  for (LocalBody& body : slots()) {
-    if (auto* const free = body.as<FreeBody>(); free != nullptr && !body.named) free->leave_supports();
-  }
-  const auto rigid_m = contacts_.take({answer, now_ns, rigid, slot_of_row, turned}, bodies_, proxy_, shapes_);
-  if (rigid_m) correction_m_ = std::max(correction_m_.value_or(0.0), *rigid_m);
-  for (std::size_t slot = 0; slot < slots_; ++slot) {
-    const LocalBody& body = bodies_[slot];
-    if (body.used && !body.named && !contacts_.any_of(slot)) free_slot(slot);
-  }
-  if (answer.yields == 0 && !yielding_.near()) return;
-  const auto yields_m =
-      yielding_.take(answer, proxy_.position_m, now_ns, Blend::of_yielding(tuning_, answer.step_s, hand_rests()));
-  if (yields_m) correction_m_ = std::max(correction_m_.value_or(0.0), *yields_m);
-  if (yielding_.near() && yielding_place_ == HandImpulses::kPlaces) {
-    yielding_place_ = impulses_.hold(rtbus::kYieldingBodies);
-  } else if (!yielding_.near()) {
-    impulses_.release(yielding_place_);
-    yielding_place_ = HandImpulses::kPlaces;
-  }
-}
-
-void LocalWorld::free_slot(std::size_t slot) noexcept {
-  contacts_.drop(slot);
-  impulses_.release(bodies_[slot].place);
-  bodies_[slot].used = false;
-  while (slots_ > 0 && !bodies_[slots_ - 1].used) --slots_;
-}
-
-std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
-  std::size_t free = slots_;
-  for (std::size_t slot = slots_; slot-- > 0;) {
-    if (bodies_[slot].used && bodies_[slot].index == index) return slot;
-    if (!bodies_[slot].used) free = slot;
-  }
-  slots_ = std::max(slots_, std::min(free + 1, kBodies));
-  if (free < kBodies) return free;
-  // All are taken: one that this answer has not named so far must go, and is not felt: the contacts of that are to
-  // recede.
-  std::array<bool, kBodies> felt{};
-  for (const auto& contact : contacts_.all()) felt[contact.body] = felt[contact.body] || contact.active();
-  for (const bool unfelt : {true, false}) {
-    for (std::size_t slot = 0; slot < kBodies; ++slot) {
-      if (bodies_[slot].named || (unfelt && felt[slot])) continue;
-      free_slot(slot);
-      slots_ = std::max(slots_, slot + 1);
-      return slot;
-    }
-  }
-  return 0;
-}
-
-void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t now_ns,
-                            std::span<std::size_t> slot_of_row, std::span<Quaterniond> turned) noexcept {
-  const std::size_t rigid_rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
-  const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
-  std::array<std::size_t, rtbus::kContactSlots> count{}, ends{};  // `ends`: of edges
-  std::array<double, rtbus::kContactSlots> loosest{};
-  for (std::size_t i = 0; i < supports; ++i) {
-    const std::size_t row = answer.support_body[i];
-    if (row >= rigid_rows) continue;
-    ++count[row];
-    if (answer.support_points[i] == 2) ++ends[row];
-    loosest[row] = std::max(loosest[row], answer.support_inverse_mass_per_kg[i]);
-  }
-  // Every body goes on from the answer's instant to now in so many parts.
-  const std::size_t complete = complete_rows(answer);
-  int rows = 0;
-  for (std::size_t row = 0; row < rigid_rows; ++row) {
-    if (answer.body_kind[row] == 0) continue;
-    const bool sleeps = count[row] == 0 && row < complete && answer.body_friction_bound_n[row] > 0.0;
-    const bool corners = shapes_.known().has_corners(answer.body_index[row]);
-    rows += 1 + (loosest[row] > 0.0 ? 0
-                 : sleeps           ? 1
-                          : static_cast<int>(corners ? FreeBody::kCorners * (count[row] - ends[row] / 2) : count[row]));
-  }
-  int parts = 1;
-  if (answer.device_time_ns < now_ns) {
-    const double age_s = rtbus::seconds_between(answer.device_time_ns, now_ns);
-    const double ticks = std::ceil(age_s / tick_s_ - 0.1);
-    const double wanted =
-        networked_ ? kNetworkParts : std::max(tuning_.parts, std::ceil(age_s / tuning_.longest_part_s));
-    const int budget = static_cast<int>(tuning_.row_budget) / std::max(1, rows);
-    parts = std::max(1, std::min(static_cast<int>(std::min({1e3, ticks, wanted})), budget));
-  }
-  std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
-  supports_.count = 0;
-  supports_.spare = SupportPool::kSupports - supports;
-  for (std::size_t row = 0; row < rigid_rows; ++row) {
-    slot_of_row[row] = slot_of(answer.body_index[row]);
-    turned[row] = take_body({answer, row, row < complete, count[row], loosest[row]}, slot_of_row[row], parts, now_ns);
-  }
-}
-
-Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int parts, std::uint64_t now_ns) noexcept {
-  const rtbus::ProxyContacts& answer = told.answer;
-  LocalBody& body = bodies_[slot];
-  if (!body.used) {
-    body = LocalBody{};
-    body.index = answer.body_index[told.row];
-    body.place = impulses_.hold(body.index);
-  }
-  body.used = body.named = true;
-  body.ladder.replayed();
-  const SinceAnswer since{answer.device_time_ns,
-                          now_ns,
-                          parts,
-                          tick_s_,
-                          impulses_.history(body.place),
-                          impulses_.sum(body.place),
-                          {other_hands_, answer, body.index},
-                          rows_.data(),
-                          tuning_,
-                          shapes_.known(),
-                          world_lag_s_,
-                          networked_,
-                          proxy_kg_};
-  const Impulse then = since.given_at(since.from_ns);
-  body.blend = Blend::of(tuning_, answer.step_s);
-  Quaterniond turned = Quaterniond::Identity();
-  if (answer.body_kind[told.row] == 0) {
-    turned = body.become<FixedBody>().take(told, body.motion);
-  } else if (answer.body_kind[told.row] == 1) {
-    turned = body.become<DrivenBody>().take(told, since, body.motion);
-  } else if (const auto* const pile = body.as<PileBody>();
-             told.loosest_per_kg > 0.0 || (told.supports == 0 && pile != nullptr && pile->held())) {
-    turned = body.become<PileBody>().take(told, since, body.known, then.linear_n_s, hand_m_s_.norm(), body.motion);
-    body.blend = Blend::of_pile(tuning_, answer.step_s);
-  } else {
-    auto& free = body.become<FreeBody>();
-    turned = free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
-    if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
-    if (hand_rests() && free.light_kg(proxy_kg_) > 0.0) body.blend = Blend::of_light_at_rest(tuning_, answer.step_s);
-  }
-  if (networked_ && body.as<FreeBody>() != nullptr) body.blend = body.blend.over_network(since.seconds());
-  body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};
-  follow_shape(told, body);
-  return turned;
-}
-
-/// Contacts follow the shape of what stands, of what moves by itself, and of what forces move alone. A body of a pile
-/// is known by its planes: it does not turn as the pile does.
-void LocalWorld::follow_shape(const ToldBody& told, LocalBody& body) const noexcept {
-  const int shape = shapes_.known().index_of(body.index);
-  const auto* const free = body.as<FreeBody>();
-  const bool stands = body.as<FixedBody>() != nullptr;
-  const bool moves = free != nullptr ? free->has_shape() : body.as<DrivenBody>() != nullptr && told.knows_orientation();
-  const bool follows = shape >= 0 && (shapes_.known()[shape].stands ? stands : moves);
-  body.shape = follows ? shape : -1;
-  body.origin_B_m = told.origin_B_m();
 }
 
 /// What a tick begins with, be it by foresee() or by advance().

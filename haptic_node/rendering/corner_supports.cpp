@@ -1,0 +1,162 @@
+#include "haptic_node/rendering/corner_supports.hpp"
+
+#include <algorithm>
+#include <utility>
+#include <variant>
+
+#include "haptic_node/rendering/load_shares.hpp"
+
+namespace haptic {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using rtbus::shapes::FacePoints;
+
+/// A corner that is not there does not touch.
+constexpr double kFar_m = 1.0;
+
+/// @returns the least gap; none: there is no corner.
+double nearest_m(const FacePoints& corners, double none_m) noexcept {
+  const auto end = corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count);
+  return corners.count > 0 ? *std::min_element(corners.gap_m.begin(), end) : none_m;
+}
+
+/// Places of a face's corners among its rows.
+using Places = std::array<std::size_t, CornerSupports::kCorners>;
+
+/// Each corner keeps the row that it had: the one that was nearest. What it bore is there.
+/// @param rows Of the face, kCorners.
+Places places_of(const FacePoints& corners, const Vector3d& centre_m, std::span<const Support> rows) noexcept {
+  Places out{};
+  std::array<bool, CornerSupports::kCorners> taken{};
+  for (std::size_t k = 0; k < corners.count; ++k) {
+    std::size_t best = rows.size();
+    double best_m2 = 0.0;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if (taken[i]) continue;
+      const double away_m2 = (corners.point_m[k] - centre_m - rows[i].from_centre_m).squaredNorm();
+      if (best < rows.size() && !(away_m2 < best_m2)) continue;
+      best = i;
+      best_m2 = away_m2;
+    }
+    taken[best] = true;
+    out[k] = best;
+  }
+  return out;
+}
+
+}  // namespace
+
+void CornerSupports::be(const rtbus::shapes::KnownShape* shape, const Vector3d& origin_B_m) noexcept {
+  box_ = shape != nullptr ? std::get_if<rtbus::shapes::Box>(&shape->shape) : nullptr;
+  hull_ = shape != nullptr ? std::get_if<rtbus::shapes::Hull>(&shape->shape) : nullptr;
+  origin_B_m_ = origin_B_m;
+}
+
+std::span<const Support> CornerSupports::leave(const SupportPool& old) noexcept {
+  return {old.rows.data() + first_, std::exchange(lies_, false) ? kCorners * face_count_ : 0};
+}
+
+bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion, std::span<const Support> before,
+                              std::size_t first, SupportPool& supports) noexcept {
+  if (box_ == nullptr && hull_ == nullptr) return false;
+  std::array<Support, kFaces> held;
+  std::array<FacePoints, kFaces> found;
+  const std::array<Face, kFaces> faces_before = faces_;
+  face_count_ = 0;
+  for (std::size_t i = first; i < supports.count; ++i) {
+    const Support& told = supports.rows[i];
+    FacePoints corners;
+    const auto* const holder = since.shapes.holder_at(motion.centre_m + told.from_centre_m, [&](const auto& each) {
+      return corners_on(each, motion.centre_m, motion.q_WB, corners) &&
+             corners.normal.dot(told.normal) >= since.tuning.same_plane_cosine;
+    });
+    if (holder == nullptr) return false;
+    std::size_t face = 0;
+    while (face < face_count_ && faces_[face].holder != holder) ++face;
+    if (face < face_count_) {
+      const double both_n = held[face].force_n + told.force_n;
+      const double share = both_n > 0.0 ? told.force_n / both_n : 0.0;
+      held[face].from_centre_m += share * (told.from_centre_m - held[face].from_centre_m);
+      held[face].force_n = both_n;
+      continue;
+    }
+    if (face_count_ == kFaces) return false;
+    held[face] = told;
+    found[face] = corners;
+    faces_[face_count_++] = {holder, nearest_m(corners, 0.0)};
+  }
+  const std::size_t told_count = supports.count - first, rows = kCorners * face_count_;
+  const std::size_t more = rows - std::min(told_count, rows);
+  if (supports.spare < more) return false;
+  lies_ = true;
+  supports.spare -= more;
+  supports.count = first_ = first;
+  for (std::size_t i = 0; i < face_count_; ++i) {
+    std::span<const Support> bore;
+    for (std::size_t j = 0; kCorners * j < before.size(); ++j) {
+      if (faces_before[j].holder == faces_[i].holder) bore = before.subspan(kCorners * j, kCorners);
+    }
+    lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, supports);
+  }
+  return true;
+}
+
+/// Adds the rows of a face. Each corner is expected to bear what it bore in physics, whose force on the face is told
+/// with its centre.
+/// @param bore The rows of this face so far, with which its corners begin; empty: it did not lie there.
+void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoints& corners,
+                            std::span<const Support> bore, const Vector3d& centre_m, double tick_s,
+                            SupportPool& supports) const noexcept {
+  const std::span rows(supports.rows.data() + supports.count, kCorners);
+  supports.count += kCorners;
+  Support corner = told;
+  corner.force_n = 0.0;
+  corner.impulse_n_s /= kCorners;
+  corner.velocity_m_s.setZero();
+  corner.torsion_radius_m = corner.torsion_n_m_s = 0.0;
+  std::fill(rows.begin(), rows.end(), corner);
+  for (std::size_t k = 0; k < bore.size(); ++k) {
+    rows[k].from_centre_m = bore[k].from_centre_m;
+    rows[k].impulse_n_s = bore[k].impulse_n_s;
+  }
+  const Places places = places_of(corners, centre_m, rows);
+  const auto shares = load_shares(corners, centre_m + told.from_centre_m);
+  for (std::size_t k = 0; k < corners.count; ++k) {
+    Support& row = rows[places[k]];
+    row.force_n = shares[k] * told.force_n;
+    if (bore.empty()) row.impulse_n_s += (row.force_n * tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
+  }
+  put(face, corners, centre_m, supports);
+}
+
+bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& centre_m,
+                                const Quaterniond& q_WB, FacePoints& out) const noexcept {
+  if (box_ != nullptr) return rtbus::shapes::face_points(*box_, q_WB, centre_m, holder, out);
+  rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, holder, out);
+  return out.count > 0;
+}
+
+void CornerSupports::find(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
+  for (std::size_t i = 0; i < face_count_; ++i) {
+    FacePoints corners;
+    (void)corners_on(*faces_[i].holder, centre_m, q_WB, corners);
+    put(i, corners, centre_m, supports);
+  }
+}
+
+void CornerSupports::put(std::size_t face, const FacePoints& corners, const Vector3d& centre_m,
+                         SupportPool& supports) const noexcept {
+  const std::span rows(supports.rows.data() + first_ + kCorners * face, kCorners);
+  const Places places = places_of(corners, centre_m, rows);
+  for (Support& row : rows) row.gap_m = kFar_m;
+  for (std::size_t k = 0; k < corners.count; ++k) {
+    Support& row = rows[places[k]];
+    row.from_centre_m = corners.point_m[k] - centre_m;
+    row.normal = corners.normal;
+    row.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m;
+  }
+}
+
+}  // namespace haptic

@@ -1,0 +1,72 @@
+#pragma once
+/// @file corner_supports.hpp
+/// What a box or a hull stands on where the scene tells its shape and what holds it: its corners on the faces of that,
+/// or the corners of that on its own face. Frame W, SI units.
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "haptic_node/rendering/body_motion.hpp"
+#include "haptic_node/rendering/support.hpp"
+#include "rtbus/realtime.hpp"
+#include "rtbus/shapes/face_points.hpp"
+#include "rtbus/shapes/hull_points.hpp"
+#include "rtbus/shapes/known_shape.hpp"
+
+namespace haptic {
+
+/// So many rows of the pool for each face as it may have corners. A corner that is not there is far from it.
+/// @realtime Yes.
+class CornerSupports {
+ public:
+  /// Of a face.
+  static constexpr std::size_t kCorners = rtbus::shapes::FacePoints::kMost;
+
+  /// @param shape Of the body; nullptr: nobody knows it. @param origin_B_m Of a hull's frame, from the centre.
+  void be(const rtbus::shapes::KnownShape* shape, const Eigen::Vector3d& origin_B_m) noexcept;
+
+  [[nodiscard]] bool lies() const noexcept { return lies_; }
+
+  void leave() noexcept { lies_ = false; }
+  /// Leaves. @returns its rows in `old`, the pool before this answer, if it lay there.
+  std::span<const Support> leave(const SupportPool& old) noexcept RTBUS_NONBLOCKING;
+
+  /// Puts corners in the place of what an answer tells: the last rows of the pool, from `first` on.
+  /// @param before What leave() gave: each corner begins with what it bore.
+  /// @returns false, and changes no row, where a shape is not known, or the pool has no room.
+  bool lie_down(const SinceAnswer& since, const BodyMotion& motion, std::span<const Support> before, std::size_t first,
+                SupportPool& supports) noexcept RTBUS_NONBLOCKING;
+
+  /// The corners of all faces, where the body is now.
+  void find(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
+            SupportPool& supports) const noexcept RTBUS_NONBLOCKING;
+
+ private:
+  struct Face {
+    const rtbus::shapes::PlacedShape* holder = nullptr;
+    double rest_gap_m = 0.0;  ///< Where physics has it touch.
+  };
+  static constexpr std::size_t kFaces = 4;
+
+  /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
+  bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
+                  const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
+  void lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
+              std::span<const Support> bore, const Eigen::Vector3d& centre_m, double tick_s,
+              SupportPool& supports) const noexcept;
+  void put(std::size_t face, const rtbus::shapes::FacePoints& corners, const Eigen::Vector3d& centre_m,
+           SupportPool& supports) const noexcept;
+
+  const rtbus::shapes::Box* box_ = nullptr;
+  const rtbus::shapes::Hull* hull_ = nullptr;
+  Eigen::Vector3d origin_B_m_ = Eigen::Vector3d::Zero();
+  bool lies_ = false;
+  std::size_t first_ = 0;  ///< Of its rows in the pool.
+  std::array<Face, kFaces> faces_{};
+  std::size_t face_count_ = 0;
+};
+
+}  // namespace haptic
