@@ -47,7 +47,7 @@ void IoDevice::run() noexcept {
 // The line is closed at the end, before anybody looks for the device again.
 std::string IoDevice::connect_once() {
   if (const auto up = line_->connect(stop_); !up) return up.error().message;
-  if (std::string news = line_->take_news(); !news.empty()) tell(std::move(news));
+  if (std::string news = line_->take_news(); !news.empty()) tell(news);
   // From here on a stop waits for the exchange in flight: a device that is left in the middle of one may lose step.
   stop_.hold_back(true);
   const std::uint64_t before = samples_;
@@ -126,7 +126,7 @@ IoDevice::Ended IoDevice::exchange() noexcept {
         return Ended::kStopping;
     }
     publish_counters();
-    if (std::string news = line_->take_news(); !news.empty()) tell(std::move(news));
+    if (std::string news = line_->take_news(); !news.empty()) tell(news);
   }
   return Ended::kStopping;
 }
