@@ -44,8 +44,9 @@ struct IoSettings {
   /// The device holds its answers back to a pace of its own (a serial chip's latency timer): send as soon as the force
   /// is there, else it waits for a clock that has nothing to do with the device's. At most two exchanges per period.
   bool device_paces = false;
-  double reply_timeout_s = 0.008;      ///< A command without answer for so long is lost; the next one is sent [s].
-  double lost_after_s = 0.25;          ///< Silence after which the connection is given up and opened anew [s].
+  double reply_timeout_s = 0.008;  ///< A command without answer for so long is lost; the next one is sent [s].
+  /// Silence after which the connection is given up and opened anew [s], of three exchanges at least.
+  double lost_after_s = 0.25;
   double max_force_wait = 0.5;         ///< Longest wait for the loop's force, as a share of the period.
   const char* thread_name = "usb_io";  ///< At most 15 characters.
   const char* link_name = "USB";       ///< For the figures told at the end.
