@@ -15,6 +15,7 @@
 #include <ostream>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "drivers/registry/registry.hpp"
@@ -58,6 +59,9 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr std::uint64_t kTickNs = rtbus::kNsPerMs;
+// What a speed says is judged where the machine did not pause for longer, at the last of so many tries.
+constexpr double kPause_ms = 1.0;
+constexpr int kTries = 10;
 
 struct Row {
   const char* driver;
@@ -153,6 +157,16 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
     if (!recording_.empty()) std::filesystem::remove(recording_);
   }
 
+  // Another one of the same kind, at rest.
+  void open_anew() {
+    TearDown();
+    done_.store(false);
+    started_.store(false);
+    plant_.reset();
+    session_.reset();
+    SetUp();
+  }
+
   // The device file, with the module as its driver.
   static std::unique_ptr<Device> open_foreign() {
     try {
@@ -208,18 +222,31 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
     return {sample.position_m[0], sample.position_m[1], sample.position_m[2]};
   }
 
-  // Mean velocity over the next `ticks` cycles without a write.
+  // Velocity over the next `ticks` cycles without a write: the median of those over half of them (H. Theil, 1950). An
+  // answer that a busy machine fetched late bears too late a time, and would spoil a mean.
   Vector3d coasting_velocity_m_s(int ticks) {
-    DeviceSample first;
-    DeviceSample last;
-    tick();
-    const Vector3d from = position(first);
-    Vector3d to = from;
-    for (int i = 0; i < ticks; ++i) {
+    std::vector<DeviceSample> samples;
+    for (int i = 0; i <= ticks; ++i) {
       tick();
-      to = position(last);
+      DeviceSample sample;
+      position(sample);
+      if (samples.empty() || sample.time_ns > samples.back().time_ns) samples.push_back(sample);
     }
-    return (to - from) / rtbus::seconds_between(first.time_ns, last.time_ns);
+    const std::size_t half = samples.size() / 2;
+    Vector3d median_m_s = Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());  // fails whatever is asked
+    for (int axis = 0; axis < 3 && half > 0; ++axis) {
+      std::vector<double> slopes_m_s;
+      for (std::size_t i = 0; i + half < samples.size(); ++i) {
+        const DeviceSample& from = samples[i];
+        const DeviceSample& to = samples[i + half];
+        slopes_m_s.push_back((to.position_m[axis] - from.position_m[axis]) /
+                             rtbus::seconds_between(from.time_ns, to.time_ns));
+      }
+      const auto middle = slopes_m_s.begin() + static_cast<std::ptrdiff_t>(slopes_m_s.size() / 2);
+      std::nth_element(slopes_m_s.begin(), middle, slopes_m_s.end());
+      median_m_s[axis] = *middle;
+    }
+    return median_m_s;
   }
 
   // Where a busy machine made the device silent for a while, the force before did not act, and the write says so. As in
@@ -245,8 +272,16 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
   // So large that an arm of this mass gets 2 m/s², as 2 N give to 1 kg.
   [[nodiscard]] double gentle_n() const { return std::min(2.0, 2.0 * mass_kg_); }
 
-  // Difference of speed that a measurement over 20 ms cannot tell from none; a device without steps leaves rounding.
-  [[nodiscard]] double speed_noise_m_s() const { return 2.0 * device_->info().position_quantum_m / 0.020 + 1e-9; }
+  // Difference of speed that a measurement over half of 20 ms cannot tell from none; a device without steps leaves
+  // rounding.
+  [[nodiscard]] double speed_noise_m_s() const { return device_->info().position_quantum_m / 0.010 + 1e-9; }
+
+  /// Of a tip that a gentle force has pushed for 30 ms: it goes at least so fast.
+  [[nodiscard]] double acted_m_s() const { return 0.01 * gentle_n() / mass_kg_; }
+  /// From one measurement of the speed to the next, a gentle force would have added some 0.04 m/s.
+  [[nodiscard]] bool pushed_on(const Vector3d& soon_m_s, const Vector3d& later_m_s) const {
+    return !(later_m_s.x() <= soon_m_s.x() + 0.03 * std::abs(soon_m_s.x()) + speed_noise_m_s());
+  }
 
   std::string recording_;  ///< Written for the row that replays one.
   std::optional<SessionFile> session_;
@@ -368,48 +403,56 @@ TEST_P(DeviceConformance, TakesANonFiniteForceAsZeroAndCounts) {
 }
 
 TEST_P(DeviceConformance, ForceEndsByItselfWhenWritesStop) {
-  ASSERT_NO_FATAL_FAILURE(start());
   if (GetParam().ignores_force) GTEST_SKIP() << "no force of this device acts on anything";
-  write_for(30, {gentle_n(), 0.0, 0.0});
-  const int timeout_ticks = static_cast<int>(device_->info().force_timeout_s * 1e3) + 2;
-  for (int i = 0; i < timeout_ticks; ++i) {
-    tick();
-    DeviceSample sample;
-    position(sample);
+  Vector3d soon = Vector3d::Zero(), later = Vector3d::Zero();
+  std::string machine;
+  auto judged = tests::Judged::kPaused;
+  for (int i = 0; i < kTries && judged == tests::Judged::kPaused; ++i) {
+    if (i > 0) open_anew();
+    ASSERT_NO_FATAL_FAILURE(start());
+    judged = tests::judge_when_quiet(tests::BareScheduling::kOrdinary, kPause_ms, 1, machine, [&] {
+      write_for(30, {gentle_n(), 0.0, 0.0});
+      const int timeout_ticks = static_cast<int>(device_->info().force_timeout_s * 1e3) + 2;
+      for (int tick_number = 0; tick_number < timeout_ticks && !HasFailure(); ++tick_number) {
+        tick();
+        DeviceSample sample;
+        position(sample);
+      }
+      soon = coasting_velocity_m_s(20);
+      later = coasting_velocity_m_s(20);
+      return (soon.x() > acted_m_s() && !pushed_on(soon, later)) || HasFailure();
+    });
   }
-  const Vector3d soon = coasting_velocity_m_s(20);
-  const Vector3d later = coasting_velocity_m_s(20);
-  EXPECT_GT(soon.x(), 0.01 * gentle_n() / mass_kg_);  // it did act
-  // Held on, the force would have added some 0.04 m/s meanwhile.
-  EXPECT_LE(later.x(), soon.x() + 0.03 * std::abs(soon.x()) + speed_noise_m_s())
-      << "a force acts for longer than force_timeout_s";
+  if (judged == tests::Judged::kPaused) GTEST_SKIP() << soon.x() << " m/s, then " << later.x() << "; " << machine;
+  EXPECT_GT(soon.x(), acted_m_s());
+  EXPECT_FALSE(pushed_on(soon, later)) << soon.x() << " m/s, then " << later.x()
+                                       << ": a force acts for longer than force_timeout_s";
 }
 
 TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
-  const tests::BareLoops machine(tests::BareScheduling::kOrdinary, 1.0);
   ASSERT_NO_FATAL_FAILURE(start());
   write_for(1, {std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0});
   EXPECT_EQ(device_->clamped(), 1u);
-  // A force that ends by its time-out is seen in the first 30 ms alone. Starts that a pause has hidden are followed by
-  // others; one that shows a force is a failure at once.
+  // A force that ends by its time-out is seen in the first 30 ms alone.
   constexpr double kSeenS = 0.030;
-  double soon_s = 1.0;
-  for (int starts = 0; starts < 10 && soon_s > kSeenS && !HasFailure(); ++starts) {
+  Vector3d soon = Vector3d::Zero(), later = Vector3d::Zero();
+  std::string machine;
+  const auto judged = tests::judge_when_quiet(tests::BareScheduling::kOrdinary, kPause_ms, kTries, machine, [&] {
     write_for(30, {gentle_n(), 0.0, 0.0});
     stop();
     stop();
-    ASSERT_NO_FATAL_FAILURE(start());  // and it may be started again
+    start();  // and it may be started again
+    if (HasFailure()) return true;
     EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
     const std::uint64_t started_ns = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
-    const Vector3d soon = coasting_velocity_m_s(20);
-    soon_s = rtbus::seconds_between(started_ns, now_ns_);
-    const Vector3d later = coasting_velocity_m_s(20);
-    EXPECT_LE(later.x(), soon.x() + 0.03 * std::abs(soon.x()) + speed_noise_m_s())
-        << "a force, or a sample, from before stop() was still there after start()";
-  }
-  if (soon_s > kSeenS && machine.pauses() > 0 && !HasFailure()) {
-    GTEST_SKIP() << "20 cycles of 1 ms took " << 1e3 * soon_s << " ms; " << machine.text();
-  }
+    soon = coasting_velocity_m_s(20);
+    const double soon_s = rtbus::seconds_between(started_ns, now_ns_);
+    later = coasting_velocity_m_s(20);
+    return (soon_s <= kSeenS && !pushed_on(soon, later)) || HasFailure();
+  });
+  if (judged == tests::Judged::kPaused) GTEST_SKIP() << soon.x() << " m/s, then " << later.x() << "; " << machine;
+  EXPECT_FALSE(pushed_on(soon, later)) << soon.x() << " m/s, then " << later.x()
+                                       << ": a force, or a sample, from before stop() was still there after start()";
 }
 
 TEST_P(DeviceConformance, ReadAndWriteDoNotAllocate) {
