@@ -8,13 +8,17 @@
 
 namespace haptic {
 
-/// One body's blend: what is left of a difference after `seconds` is 1/e of it.
+/// One body's blend: what is left of a difference after `seconds` is 1/e of it; of one in the velocity of a surface,
+/// after `velocity_s`.
 struct Blend {
   double seconds = 0.0;
+  double velocity_s = seconds;
 
-  /// What comes of an answer of a period of `step_s`.
+  /// What comes of an answer of a period of `step_s`. A velocity is there when the next one comes: what ticks make of
+  /// it and each answer takes back would add up, and drag the hand along.
   [[nodiscard]] static Blend of(const Tuning& tuning, double step_s) noexcept {
-    return {std::max(tuning.blend_floor_s, tuning.blend_periods * step_s)};
+    const double seconds = std::max(tuning.blend_floor_s, tuning.blend_periods * step_s);
+    return {seconds, std::min(step_s, seconds)};
   }
   /// What an answer changes in the force of what yields, which no surface brings in. What a light body rattles is
   /// averaged where the hand rests.
@@ -42,6 +46,8 @@ struct Blend {
 
   /// What is brought in within a step, as a share of what is left.
   [[nodiscard]] double share(double h) const noexcept { return -std::expm1(-h / seconds); }
+  /// What is left of a difference in velocity after a step.
+  [[nodiscard]] double velocity_left(double h) const noexcept { return std::exp(-h / velocity_s); }
 };
 
 }  // namespace haptic

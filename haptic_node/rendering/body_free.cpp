@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 #include <utility>
+#include <variant>
 
 namespace haptic {
 namespace {
@@ -25,6 +26,8 @@ constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
 constexpr double kOut = 0.2, kOut_m_s = 0.05;
 /// Corners of a body that has moved and turned by less since they were found are the same ones.
 constexpr double kSameCorners_m = 1e-3, kSameCorners_rad = 5e-3;
+/// A cylinder rolls on its side where its axis is so near to the plane below it (a cosine).
+constexpr double kLying = 0.1;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
@@ -63,12 +66,13 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   torque_n_m_ = vector_of(answer.body_external_torque_n_m[told.row]);
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
   ball_ = is_ball(told);
-  supported_ = rocks_ = false;
+  supported_ = rocks_ = rolls_ = false;
   const auto corners_before = corners_.leave(old);
   const bool heavy = inverse_mass_per_kg_ * since.proxy_kg * kHeavy < 1.0;
   const auto* const known =
       heavy && told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
   has_shape_ = known != nullptr;
+  shape_ = known;
   corners_.be(known, told.origin_B_m());
   // A hand that pushes otherwise than at the answered instant moves it against its supports, and its own spring relaxes
   // by that. What is light would sink and rise with every answer.
@@ -125,8 +129,7 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
     if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: stand_on()
     force_n_ -= support.force_n * support.normal;
     torque_n_m_ -= support.from_centre_m.cross(support.force_n * support.normal);
-    // A ball is held below its centre. Told is where it was at the beginning of physics' last step: behind what rolls.
-    if (ball_) support.from_centre_m = support.normal * support.normal.dot(support.from_centre_m);
+    make_round(motion, support);
     supported_ = true;
     double nearest_m = std::numeric_limits<double>::infinity();
     for (std::size_t j = old_first; j < old_end; ++j) {
@@ -139,6 +142,27 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
     }
   }
   support_count_ = supports.count - first_support_;
+}
+
+/// A ball is held below its centre, a capsule or a lying cylinder below its axis. Told is where it was held at the
+/// beginning of physics' last step: behind what rolls.
+void FreeBody::make_round(const BodyMotion& motion, Support& support) noexcept {
+  const double up_m = support.normal.dot(support.from_centre_m);
+  if (ball_) {
+    support.from_centre_m = support.normal * up_m;
+    support.round_m = -up_m;
+    rolls_ = true;
+    return;
+  }
+  const auto* const capsule = shape_ != nullptr ? std::get_if<rtbus::shapes::Capsule>(&shape_->shape) : nullptr;
+  const auto* const cylinder = shape_ != nullptr ? std::get_if<rtbus::shapes::Cylinder>(&shape_->shape) : nullptr;
+  const Vector3d axis = motion.q_WB * Vector3d(Vector3d::UnitY());
+  if (capsule != nullptr) support.round_m = capsule->radius_m;
+  if (cylinder != nullptr && std::abs(axis.dot(support.normal)) < kLying) support.round_m = cylinder->radius_m;
+  if (support.round_m <= 0.0) return;
+  rolls_ = true;
+  const double along_m = axis.dot(support.from_centre_m + support.round_m * support.normal);
+  support.from_centre_m = along_m * axis - support.round_m * support.normal;
 }
 
 /// A body that stands on a patch does not tilt: the patch pushes where it must.
@@ -281,9 +305,11 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   const Matrix3d R = turned.toRotationMatrix();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
   if (has_shape_) motion.q_WB = (turned * motion.q_WB).normalized();
-  if (ball_ || corners_.lies()) return turned;  // it rolls over what holds it: the support stays below the centre
+  if (corners_.lies()) return turned;
   for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
-    supports.rows[i].from_centre_m = turned * supports.rows[i].from_centre_m;
+    Support& support = supports.rows[i];
+    const Vector3d out_m = support.round_m * support.normal;
+    support.from_centre_m = turned * (support.from_centre_m + out_m) - out_m;
   }
   return turned;
 }

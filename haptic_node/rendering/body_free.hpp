@@ -56,12 +56,13 @@ class FreeBody {
   /// Its mass, if that is so little beside the proxy's in a tick that the spring alone makes them swing; else 0.
   [[nodiscard]] double light_kg(double proxy_kg) const noexcept;
 
-  /// Stands on an edge or a point, and is no ball: what it does at an instant is noise.
-  [[nodiscard]] bool rocks() const noexcept { return rocks_ && !ball_; }
+  /// Stands on an edge or a point, and does not roll there: what it does at an instant is noise.
+  [[nodiscard]] bool rocks() const noexcept { return rocks_ && !rolls_; }
 
  private:
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
+  void make_round(const BodyMotion& motion, Support& support) noexcept;
   /// Where the body was in a re-simulation when its corners were found last.
   struct FoundCorners {
     Eigen::Vector3d centre_m;
@@ -87,6 +88,8 @@ class FreeBody {
   bool has_shape_ = false;
   CornerSupports corners_;  ///< Where it lies with them; otherwise it is on supports as told.
   bool ball_ = false;
+  const rtbus::shapes::KnownShape* shape_ = nullptr;  ///< As the scene tells it.
+  bool rolls_ = false;                                ///< On a support that is round.
   bool supported_ = false;
   bool rocks_ = false;                ///< Stands on no patch.
   std::size_t first_support_ = 0;     ///< Its supports in the pool …

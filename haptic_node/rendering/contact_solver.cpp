@@ -73,6 +73,11 @@ void spin(SolverBody* bodies, const SolverContact& contact, double impulse) noex
   b.angular_velocity_rad_s -= b.inverse_inertia_per_kg_m2 * (contact.normal * impulse);
 }
 
+double spin_rad_s(const SolverBody* bodies, const SolverContact& contact) noexcept {
+  const double of_b = contact.b >= 0 ? contact.normal.dot(bodies[contact.b].angular_velocity_rad_s) : 0.0;
+  return contact.normal.dot(bodies[contact.a].angular_velocity_rad_s) - of_b;
+}
+
 double slip_m_s(const SolverBody* bodies, const SolverContact& contact, const Direction& direction) noexcept {
   const SolverBody& a = bodies[contact.a];
   Vector3d velocity_m_s = a.velocity_m_s - contact.surface_velocity_m_s;
@@ -146,22 +151,32 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   // The slip after the push along the normal, without waiting for it.
   const Vector2d slip =
       Vector2d(slip_m_s(bodies, contact, first), slip_m_s(bodies, contact, second)) + step * contact.slip_per_n_s;
+  const bool patch = contact.inertia_torsion_kg_m2 > 0.0;
+  const double radius_m = contact.torsion_radius_m;
+  const double rate_rad_s = patch ? spin_rad_s(bodies, contact) : 0.0;
+  double torsion = contact.torsion_n_m_s - rate_rad_s * contact.inertia_torsion_kg_m2;
   Vector2d after = before - contact.mass_tangent_kg * slip;
-  if (after.squaredNorm() > cone * cone) {
-    // What slides is braked against its slip. The matrix, which finds what sticks in one step, would turn that.
-    after = before - contact.least_mass_tangent_kg * slip;
-    if (const double length = after.norm(); length > cone) after *= length > 0.0 ? cone / length : 0.0;
+  const double spun = patch ? torsion / radius_m : 0.0;
+  if (after.squaredNorm() + spun * spun > cone * cone) {
+    // What slides is braked against its slip. The matrix, which finds what sticks in one step, would turn that. A patch
+    // that slides hardly resists spin: together both are at most friction times the normal impulse.
+    const double mass_kg =
+        patch ? std::min(contact.least_mass_tangent_kg, contact.inertia_torsion_kg_m2 / (radius_m * radius_m))
+              : contact.least_mass_tangent_kg;
+    after = before - mass_kg * slip;
+    torsion = patch ? contact.torsion_n_m_s - rate_rad_s * mass_kg * radius_m * radius_m : 0.0;
+    const double length = patch ? std::hypot(after.norm(), torsion / radius_m) : after.norm();
+    if (length > cone) {
+      const double shorter = length > 0.0 ? cone / length : 0.0;
+      after *= shorter;
+      torsion *= shorter;
+    }
   }
   const Vector2d correction = after - before;
   push(bodies, contact, step, correction);
   contact.tangent_n_s = after;
   change = std::max(change, correction.cwiseAbs().maxCoeff() * contact.inverse_mass_normal_per_kg);
-
-  if (contact.inertia_torsion_kg_m2 > 0.0) {
-    const double rate = contact.normal.dot(bodies[contact.a].angular_velocity_rad_s) -
-                        (contact.b >= 0 ? contact.normal.dot(bodies[contact.b].angular_velocity_rad_s) : 0.0);
-    const double limit = cone * contact.torsion_radius_m;
-    const double torsion = std::clamp(contact.torsion_n_m_s - rate * contact.inertia_torsion_kg_m2, -limit, limit);
+  if (patch) {
     spin(bodies, contact, torsion - contact.torsion_n_m_s);
     contact.torsion_n_m_s = torsion;
   }

@@ -36,7 +36,10 @@ struct SolverContact {
   double expected_n_s = 0.0;
   /// However little pushes against it, what gives way does not come along the normal faster than this.
   double advance_m_s = std::numeric_limits<double>::infinity();
-  double torsion_radius_m = 0.0;  ///< A patch of this radius also resists spin about the normal; 0: a point.
+  /// A patch of this radius also resists spin about the normal; 0: a point. The two share friction times the normal
+  /// impulse: |tangential|^2 + (torsion/radius)^2 is at most its square (R. D. Howe, M. R. Cutkosky, "Practical
+  /// force-motion models for sliding manipulation", IJRR 15(6), 1996).
+  double torsion_radius_m = 0.0;
 
   Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();  ///< On `a`. In: the last step's; out: the solution.
   double normal_n_s = 0.0;                                ///< Its normal part …

@@ -15,6 +15,10 @@ using rtbus::shapes::FacePoints;
 
 /// A corner that is not there does not touch.
 constexpr double kFar_m = 1.0;
+/// Physics lets a box that stands tilt by so much, and takes that back in its next steps: there its corners touch. To
+/// fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a hand would be dragged down by it. A hull
+/// that rolls from facet to facet is not held up so.
+constexpr double kTilts_m = 20e-6;
 
 /// @returns the least gap; none: there is no corner.
 double nearest_m(const FacePoints& corners, double none_m) noexcept {
@@ -85,7 +89,8 @@ bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion
     if (face_count_ == kFaces) return false;
     held[face] = told;
     found[face] = corners;
-    faces_[face_count_++] = {holder, nearest_m(corners, 0.0)};
+    faces_[face_count_].holder = holder;
+    faces_[face_count_++].rest_gap_m.fill(nearest_m(corners, 0.0));
   }
   const std::size_t told_count = supports.count - first, rows = kCorners * face_count_;
   const std::size_t more = rows - std::min(told_count, rows);
@@ -108,7 +113,7 @@ bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion
 /// @param bore The rows of this face so far, with which its corners begin; empty: it did not lie there.
 void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoints& corners,
                             std::span<const Support> bore, const Vector3d& centre_m, double tick_s,
-                            SupportPool& supports) const noexcept {
+                            SupportPool& supports) noexcept {
   const std::span rows(supports.rows.data() + supports.count, kCorners);
   supports.count += kCorners;
   Support corner = told;
@@ -125,6 +130,8 @@ void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoi
   const auto shares = load_shares(corners, centre_m + told.from_centre_m);
   for (std::size_t k = 0; k < corners.count; ++k) {
     Support& row = rows[places[k]];
+    double& rest_gap_m = faces_[face].rest_gap_m[places[k]];
+    if (box_ != nullptr) rest_gap_m = std::clamp(corners.gap_m[k], rest_gap_m, rest_gap_m + kTilts_m);
     row.force_n = shares[k] * told.force_n;
     if (bore.empty()) row.impulse_n_s += (row.force_n * tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
   }
@@ -155,7 +162,7 @@ void CornerSupports::put(std::size_t face, const FacePoints& corners, const Vect
     Support& row = rows[places[k]];
     row.from_centre_m = corners.point_m[k] - centre_m;
     row.normal = corners.normal;
-    row.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m;
+    row.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m[places[k]];
   }
 }
 

@@ -47,7 +47,7 @@ class CornerSupports {
  private:
   struct Face {
     const rtbus::shapes::PlacedShape* holder = nullptr;
-    double rest_gap_m = 0.0;  ///< Where physics has it touch.
+    std::array<double, kCorners> rest_gap_m{};  ///< Where physics has each row touch.
   };
   static constexpr std::size_t kFaces = 4;
 
@@ -56,7 +56,7 @@ class CornerSupports {
                   const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
   void lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
               std::span<const Support> bore, const Eigen::Vector3d& centre_m, double tick_s,
-              SupportPool& supports) const noexcept;
+              SupportPool& supports) noexcept;
   void put(std::size_t face, const rtbus::shapes::FacePoints& corners, const Eigen::Vector3d& centre_m,
            SupportPool& supports) const noexcept;
 

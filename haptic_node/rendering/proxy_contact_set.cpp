@@ -314,11 +314,11 @@ void ProxyContactSet::blend(Bodies bodies, double h) noexcept {
       contact.offset_m += tuning_.recovery_m_s * h;
       contact.faded_m += h * carried_m_s(contact, bodies[contact.body].motion);
     } else if (contact.offset_m != 0.0 || !contact.late_m_s.isZero(0.0)) {
-      const double share = bodies[contact.body].blend.share(h);
-      const double rise_m = std::min(share * contact.offset_m, tuning_.recovery_m_s * h);
+      const Blend& blend = bodies[contact.body].blend;
+      const double rise_m = std::min(blend.share(h) * contact.offset_m, tuning_.recovery_m_s * h);
       contact.offset_m -= rise_m;
       contact.blend_m_s = rise_m / h;
-      contact.late_m_s *= 1.0 - share;
+      contact.late_m_s *= blend.velocity_left(h);
     }
     if (kept != i) contacts_[kept] = contact;
     ++kept;

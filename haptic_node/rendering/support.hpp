@@ -18,6 +18,7 @@ struct Support {
   double torsion_radius_m = 0.0;
   double force_n = 0.0;  ///< Along the normal, as physics had it.
   double gap_m = 0.0;    ///< Of a corner on a known face; the others stay where they are told.
+  double round_m = 0.0;  ///< Radius of the body's own surface there, which rolls over it; 0: of an edge or a face.
   Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
   double torsion_n_m_s = 0.0;
 };

@@ -152,6 +152,25 @@ TEST(ContactSolver, ABlockThatStandsTakesOneSweepInATick) {
   EXPECT_LT(stands.body.velocity_m_s.norm(), 2.0 * haptic::kTolerance_m_s);
 }
 
+// Friction acts against the slip of each of its points: the faster a patch slides, the less of that is for its spin.
+TEST(ContactSolver, APatchThatSlidesHardlyResistsSpin) {
+  constexpr double kFriction = 0.4, kRadius_m = 0.02, kInertia_kg_m2 = 2e-5;
+  const double bound_n_s = kFriction * kMassKg * kGravity * kStepS;
+  for (const double spin_rad_s : {0.5, 5.0, 50.0}) {
+    SolverBody bodies[1] = {block({0.1, 0, 0})};
+    bodies[0].angular_velocity_rad_s = Vector3d(0, spin_rad_s, 0);
+    bodies[0].inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Identity() / kInertia_kg_m2;
+    SolverContact contacts[1] = {floor_of(kFriction)};
+    contacts[0].torsion_radius_m = kRadius_m;
+    solve_contacts(bodies, contacts, 1, 1000, 1e-12);
+    const double slides_n_s = -contacts[0].impulse_n_s.x(), spins_n_s = -contacts[0].torsion_n_m_s / kRadius_m;
+    EXPECT_NEAR(std::hypot(slides_n_s, spins_n_s), bound_n_s, 1e-6 * bound_n_s) << spin_rad_s;
+    const double slip_m_s = bodies[0].velocity_m_s.x(), rim_m_s = kRadius_m * bodies[0].angular_velocity_rad_s.y();
+    EXPECT_NEAR(spins_n_s * slip_m_s, slides_n_s * rim_m_s, 1e-3 * bound_n_s * std::hypot(slip_m_s, rim_m_s))
+        << spin_rad_s;
+  }
+}
+
 TEST(ContactSolver, APatchResistsSpin) {
   SolverBody body = block({0, 0, 0});
   body.inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Identity() / 1e-5;
