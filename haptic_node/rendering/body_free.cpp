@@ -240,7 +240,10 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   if (from_ns >= since.now_ns) return Quaterniond::Identity();
   Impulse before = since.given_at(from_ns);
   const double way_s = from_ns > since.from_ns ? rtbus::seconds_between(from_ns, since.now_ns) : since.seconds();
-  const double h = way_s / since.parts;
+  // Walls before the body are rows that the budget has not counted.
+  const int budget = static_cast<int>(since.tuning.row_budget) / static_cast<int>(1 + support_count_);
+  const int parts = std::clamp(budget, 1, since.parts);
+  const double h = way_s / parts;
   const double tick_s = std::min(h, since.tick_s);
   SolverContact* const rows = since.scratch;
   std::size_t count = 0;
@@ -263,11 +266,11 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   prepare_contacts(&body, rows, count);
   Quaterniond turned = Quaterniond::Identity();
   FoundCorners found{motion.centre_m, turned};
-  for (int part = 1; part <= since.parts; ++part) {
+  for (int part = 1; part <= parts; ++part) {
     const std::uint64_t until_ns =
-        from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(since.parts);
+        from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(parts);
     Impulse after = since.given_at(until_ns);
-    after += part < since.parts ? since.others.until(until_ns) : since.others.until_now();
+    after += part < parts ? since.others.until(until_ns) : since.others.until_now();
     if (corners_.lies()) follow_corners(motion, turned, h, 0.5 * (h - tick_s), body, found, supports, rows);
     SolverBody next = body;
     next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);

@@ -19,6 +19,8 @@ constexpr double kFar_m = 1.0;
 /// fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a hand would be dragged down by it. A hull
 /// that rolls from facet to facet is not held up so.
 constexpr double kTilts_m = 20e-6;
+/// Walls that are so near are known before physics tells that they hold the box: at 0.1 m/s for 0.1 s.
+constexpr double kBefore_m = 10e-3;
 
 /// @returns the least gap; none: there is no corner.
 double nearest_m(const FacePoints& corners, double none_m) noexcept {
@@ -92,7 +94,9 @@ bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion
     faces_[face_count_].holder = holder;
     faces_[face_count_++].rest_gap_m.fill(nearest_m(corners, 0.0));
   }
-  const std::size_t told_count = supports.count - first, rows = kCorners * face_count_;
+  const std::size_t told_count = supports.count - first;
+  add_walls(since, motion, supports.rows[first].friction, (told_count + supports.spare) / kCorners, held, found);
+  const std::size_t rows = kCorners * face_count_;
   const std::size_t more = rows - std::min(told_count, rows);
   if (supports.spare < more) return false;
   lies_ = true;
@@ -106,6 +110,29 @@ bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion
     lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, supports);
   }
   return true;
+}
+
+/// What stands before the body, and would hold it before the next answer comes: a wall that it is pushed against.
+/// @param friction Of what holds the body, for want of the pair's own. @param most_faces For which there is room.
+void CornerSupports::add_walls(const SinceAnswer& since, const BodyMotion& motion, double friction,
+                               std::size_t most_faces, std::span<Support, kFaces> held,
+                               std::span<FacePoints, kFaces> found) noexcept {
+  if (box_ == nullptr) return;
+  for (const rtbus::shapes::PlacedShape& holder : since.shapes.holders()) {
+    if (face_count_ >= std::min(kFaces, most_faces)) return;
+    const auto end = faces_.begin() + static_cast<std::ptrdiff_t>(face_count_);
+    if (std::any_of(faces_.begin(), end, [&](const Face& face) { return face.holder == &holder; })) continue;
+    FacePoints corners;
+    if (!corners_on(holder, motion.centre_m, motion.q_WB, corners)) continue;
+    const double gap_m = nearest_m(corners, kFar_m);
+    if (std::abs(gap_m) > kBefore_m) continue;
+    held[face_count_] = Support{};
+    held[face_count_].normal = corners.normal;
+    held[face_count_].friction = friction;
+    found[face_count_] = corners;
+    faces_[face_count_].holder = &holder;
+    faces_[face_count_++].rest_gap_m.fill(std::min(0.0, gap_m));
+  }
 }
 
 /// Adds the rows of a face. Each corner is expected to bear what it bore in physics, whose force on the face is told
@@ -131,7 +158,8 @@ void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoi
   for (std::size_t k = 0; k < corners.count; ++k) {
     Support& row = rows[places[k]];
     double& rest_gap_m = faces_[face].rest_gap_m[places[k]];
-    if (box_ != nullptr) rest_gap_m = std::clamp(corners.gap_m[k], rest_gap_m, rest_gap_m + kTilts_m);
+    if (box_ != nullptr && told.force_n > 0.0)
+      rest_gap_m = std::clamp(corners.gap_m[k], rest_gap_m, rest_gap_m + kTilts_m);
     row.force_n = shares[k] * told.force_n;
     if (bore.empty()) row.impulse_n_s += (row.force_n * tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
   }

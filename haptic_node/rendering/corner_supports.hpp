@@ -54,6 +54,8 @@ class CornerSupports {
   /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
   bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
                   const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
+  void add_walls(const SinceAnswer& since, const BodyMotion& motion, double friction, std::size_t most_faces,
+                 std::span<Support, kFaces> held, std::span<rtbus::shapes::FacePoints, kFaces> found) noexcept;
   void lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
               std::span<const Support> bore, const Eigen::Vector3d& centre_m, double tick_s,
               SupportPool& supports) noexcept;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -59,6 +60,9 @@ class KnownShapes {
     return mover != nullptr && (std::holds_alternative<rtbus::shapes::Box>(mover->shape) ||
                                 std::holds_alternative<rtbus::shapes::Hull>(mover->shape));
   }
+
+  /// Planes and boxes that stand.
+  [[nodiscard]] std::span<const rtbus::shapes::PlacedShape> holders() const noexcept { return holders_; }
 
   /// The plane or box that stands, whose surface is there, and that `holds` what is asked for; nullptr: none that is
   /// known.
