@@ -69,11 +69,8 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   supported_ = rocks_ = rolls_ = false;
   const auto corners_before = corners_.leave(old);
   const bool heavy = inverse_mass_per_kg_ * since.proxy_kg * kHeavy < 1.0;
-  const auto* const known =
-      heavy && told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
-  has_shape_ = known != nullptr;
-  shape_ = known;
-  corners_.be(known, told.origin_B_m());
+  shape_ = heavy && told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
+  corners_.be(shape_, told.origin_B_m());
   // A hand that pushes otherwise than at the answered instant moves it against its supports, and its own spring relaxes
   // by that. What is light would sink and rise with every answer.
   const double relaxes =
@@ -289,7 +286,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   motion.velocity_m_s = body.velocity_m_s;
   const bool pushed = !(before.angular_n_m_s - since.given_at(from_ns).angular_n_m_s).isZero(0.0);
   const double more_rad = way_s * (body.angular_velocity_rad_s - motion.angular_velocity_rad_s).norm();
-  if (has_shape_ && pushed && more_rad > kBlocked_rad) {
+  if (shape_ != nullptr && pushed && more_rad > kBlocked_rad) {
     // A hand that turns it so far would not touch it there any more: something that is not told holds it. It turns as
     // it did, and goes where the hand brings what does not turn.
     motion = told;
@@ -307,7 +304,7 @@ Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports
   if (turned.vec().isZero(0.0)) return turned;
   const Matrix3d R = turned.toRotationMatrix();
   inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
-  if (has_shape_) motion.q_WB = (turned * motion.q_WB).normalized();
+  if (shape_ != nullptr) motion.q_WB = (turned * motion.q_WB).normalized();
   if (corners_.lies()) return turned;
   for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
     Support& support = supports.rows[i];
@@ -388,7 +385,7 @@ void FreeBody::advance(const StepSolution& step, SupportPool& supports, BodyMoti
     }
   }
   motion.centre_m += step.h * motion.velocity_m_s;
-  if (!has_shape_ || motion.angular_velocity_rad_s.isZero(0.0)) return;
+  if (shape_ == nullptr || motion.angular_velocity_rad_s.isZero(0.0)) return;
   const Quaterniond turn = turn_of(motion.angular_velocity_rad_s, step.h);
   const Matrix3d R = turn.toRotationMatrix();
   motion.q_WB = (turn * motion.q_WB).normalized();

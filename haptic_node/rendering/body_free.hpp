@@ -51,7 +51,7 @@ class FreeBody {
   void brake() noexcept RTBUS_NONBLOCKING;
 
   /// The scene tells its shape, and it is heavy enough to be met there.
-  [[nodiscard]] bool has_shape() const noexcept { return has_shape_; }
+  [[nodiscard]] bool has_shape() const noexcept { return shape_ != nullptr; }
 
   /// Its mass, if that is so little beside the proxy's in a tick that the spring alone makes them swing; else 0.
   [[nodiscard]] double light_kg(double proxy_kg) const noexcept;
@@ -85,10 +85,9 @@ class FreeBody {
   Eigen::Vector3d force_n_ = Eigen::Vector3d::Zero();     ///< All but supports and the proxy.
   Eigen::Vector3d torque_n_m_ = Eigen::Vector3d::Zero();  ///< Of the same, about the centre: another hand's.
   double friction_bound_n_ = 0.0;
-  bool has_shape_ = false;
   CornerSupports corners_;  ///< Where it lies with them; otherwise it is on supports as told.
   bool ball_ = false;
-  const rtbus::shapes::KnownShape* shape_ = nullptr;  ///< As the scene tells it.
+  const rtbus::shapes::KnownShape* shape_ = nullptr;  ///< See has_shape().
   bool rolls_ = false;                                ///< On a support that is round.
   bool supported_ = false;
   bool rocks_ = false;                ///< Stands on no patch.

@@ -21,6 +21,8 @@ constexpr double kFar_m = 1.0;
 constexpr double kTilts_m = 20e-6;
 /// Walls that are so near are known before physics tells that they hold the box: at 0.1 m/s for 0.1 s.
 constexpr double kBefore_m = 10e-3;
+/// A step that is lower is none: bodies sink in, and tilt, by less.
+constexpr double kSeam_m = 1e-3;
 
 /// @returns the least gap; none: there is no corner.
 double nearest_m(const FacePoints& corners, double none_m) noexcept {
@@ -50,6 +52,15 @@ Places places_of(const FacePoints& corners, const Vector3d& centre_m, std::span<
     out[k] = best;
   }
   return out;
+}
+
+/// @returns whether all that `corners` says lies in the plane of `face`: where two tables meet, the side of the one
+/// that comes is no wall.
+bool is_seam(const FacePoints& corners, const FacePoints& face) noexcept {
+  const auto end = corners.point_m.begin() + static_cast<std::ptrdiff_t>(corners.count);
+  return face.count > 0 && std::all_of(corners.point_m.begin(), end, [&](const Vector3d& point_m) {
+           return std::abs(face.normal.dot(point_m - face.point_m[0])) < kSeam_m;
+         });
 }
 
 }  // namespace
@@ -118,14 +129,19 @@ void CornerSupports::add_walls(const SinceAnswer& since, const BodyMotion& motio
                                std::size_t most_faces, std::span<Support, kFaces> held,
                                std::span<FacePoints, kFaces> found) noexcept {
   if (box_ == nullptr) return;
+  const double near_m = box_->half_size_m.norm() + kBefore_m;
+  const std::size_t told = face_count_;
   for (const rtbus::shapes::PlacedShape& holder : since.shapes.holders()) {
     if (face_count_ >= std::min(kFaces, most_faces)) return;
-    const auto end = faces_.begin() + static_cast<std::ptrdiff_t>(face_count_);
-    if (std::any_of(faces_.begin(), end, [&](const Face& face) { return face.holder == &holder; })) continue;
+    if (rtbus::shapes::nearest_surface(holder, motion.centre_m).distance_m > near_m) continue;
+    const auto is_it = [&](const Face& face) { return face.holder == &holder; };
+    if (std::any_of(faces_.begin(), faces_.begin() + static_cast<std::ptrdiff_t>(told), is_it)) continue;
     FacePoints corners;
     if (!corners_on(holder, motion.centre_m, motion.q_WB, corners)) continue;
     const double gap_m = nearest_m(corners, kFar_m);
     if (std::abs(gap_m) > kBefore_m) continue;
+    const auto meets = [&](const FacePoints& face) { return is_seam(corners, face); };
+    if (std::any_of(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(told), meets)) continue;
     held[face_count_] = Support{};
     held[face_count_].normal = corners.normal;
     held[face_count_].friction = friction;
