@@ -63,6 +63,7 @@ void fill_body(const BodyBehind& body, std::size_t i, rtbus::ProxyContacts& out)
 
 void fill_support(const Support& support, std::size_t i, rtbus::ProxyContacts& out) {
   out.support_body[i] = support.row;
+  out.support_holder[i] = support.holder;
   out.support_point_m[i] = array_of(support.point_m);
   out.support_normal[i] = array_of(support.normal);
   out.support_force_n[i] = support.normal_force_n;

@@ -73,7 +73,8 @@ struct ProxyContacts {
   std::array<double, kContactSlots> body_friction_bound_n{};  ///< Upper bound of this friction, Σ μ·N.
   std::array<Vec3, kContactSlots> body_proxy_force_n{};       ///< By this proxy, on the body.
 
-  std::array<std::uint32_t, kSupportSlots> support_body{};  ///< Row of the body that is held.
+  std::array<std::uint32_t, kSupportSlots> support_body{};    ///< Row of the body that is held.
+  std::array<std::uint32_t, kSupportSlots> support_holder{};  ///< Row of the body that holds, plus 1; 0: it has none.
   std::array<Vec3, kSupportSlots> support_point_m{};
   std::array<Vec3, kSupportSlots> support_normal{};  ///< Unit, towards the body that is held.
   std::array<double, kSupportSlots> support_force_n{};
@@ -81,7 +82,8 @@ struct ProxyContacts {
   std::array<Vec3, kSupportSlots> support_velocity_m_s{};
   std::array<double, kSupportSlots> support_inverse_mass_per_kg{};  ///< Of what holds; 0: no force moves it.
   std::array<std::uint32_t, kSupportSlots> support_points{};  ///< Loaded contact points: 1 a point; 2 an edge or one of
-                                                              ///< its ends; 3 or more, or two faces, a patch.
+                                                              ///< its ends; 3 or more, or two faces, a patch; 0: near
+                                                              ///< its holder, and not touching.
 
   // What soft bodies, and bodies too light for impulses, do to the tool, at instants in order of time: in the world
   // now, and further on if the tool goes on as it goes.
@@ -144,6 +146,7 @@ struct SampleTraits<ProxyContacts> {
                                       RTBUS_FIELD(T, body_friction_bound_n, "N"),
                                       RTBUS_FIELD(T, body_proxy_force_n, "N"),
                                       RTBUS_FIELD(T, support_body, "1"),
+                                      RTBUS_FIELD(T, support_holder, "1"),
                                       RTBUS_FIELD(T, support_point_m, "m"),
                                       RTBUS_FIELD(T, support_normal, "1"),
                                       RTBUS_FIELD(T, support_force_n, "N"),
@@ -164,7 +167,7 @@ struct SampleTraits<ProxyContacts> {
       RTBUS_TABLE(T, yields, yield_after_s, yield_gap_m, kYieldSlots)};
 };
 
-static_assert(sizeof(ProxyContacts) == 11384 && TabularSample<ProxyContacts>);
+static_assert(sizeof(ProxyContacts) == 11512 && TabularSample<ProxyContacts>);
 
 /// `physics.contact_points.HAPTIC`, at most 30 times a second and only while an observer is attached: where the proxy
 /// touches, or nearly so, whatever the method. The radius is that of Stepper::contact_radius_m(). Rows beyond the count

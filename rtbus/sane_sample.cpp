@@ -163,9 +163,10 @@ bool SampleTraits<ProxyContacts>::sane(const T& s, std::uint64_t stamp_ns) noexc
       within(s.body_friction_torque_n_m, kForce_n, s.bodies) && within(s.body_friction_bound_n, kForce_n, s.bodies) &&
       within(s.body_proxy_force_n, kForce_n, s.bodies);
   const bool supports =
-      all_below(s.support_body, s.bodies, s.supports) && within(s.support_point_m, kPosition_m, s.supports) &&
-      unit(s.support_normal, s.supports) && within(s.support_force_n, kForce_n, s.supports) &&
-      within(s.support_friction, kScale, s.supports) && within(s.support_velocity_m_s, kVelocity_m_s, s.supports) &&
+      all_below(s.support_body, s.bodies, s.supports) && all_below(s.support_holder, s.bodies + 1, s.supports) &&
+      within(s.support_point_m, kPosition_m, s.supports) && unit(s.support_normal, s.supports) &&
+      within(s.support_force_n, kForce_n, s.supports) && within(s.support_friction, kScale, s.supports) &&
+      within(s.support_velocity_m_s, kVelocity_m_s, s.supports) &&
       within(s.support_inverse_mass_per_kg, kAny, s.supports);
   const bool yields = s.yield_stiffness_n_per_m >= 0.0 && within(s.yield_stiffness_n_per_m, kForce_n) &&
                       s.yield_stiffness_across_n_per_m >= 0.0 && within(s.yield_stiffness_across_n_per_m, kForce_n) &&

@@ -20,16 +20,10 @@ constexpr std::uint32_t kPatchPoints = 3;
 /// Friction of a patch resists spin with its bound at this many radii of gyration: of a square plate its four corners
 /// are √3 as far from the middle.
 constexpr double kPatchRadius = std::numbers::sqrt3;
-/// What goes slower than this, in either way, stands still.
-constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
 /// A corner that has sunk in comes out by this part of its depth in a step, at most at this speed.
 constexpr double kOut = 0.2, kOut_m_s = 0.05;
-/// Corners of a body that has moved and turned by less since they were found are the same ones.
-constexpr double kSameCorners_m = 1e-3, kSameCorners_rad = 5e-3;
 /// A cylinder rolls on its side where its axis is so near to the plane below it (a cosine).
 constexpr double kLying = 0.1;
-/// No push turns a body farther from the instant of an answer to now.
-constexpr double kBlocked_rad = 0.5;
 /// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
 /// not come to rest: of 24 961 cases in the stability envelope 9 did, with 9 of them or less. With its own spring it
 /// swings once in 28 ticks or faster, which is not slow beside an answer.
@@ -45,19 +39,10 @@ Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   return out;
 }
 
-/// Only balls have contacts with a curvature.
-bool is_ball(const ToldBody& told) noexcept {
-  const rtbus::ProxyContacts& answer = told.answer;
-  for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
-    if (answer.contact_body[i] == told.row) return answer.contact_curvature_per_m[i] > 0.0;
-  }
-  return false;
-}
-
 }  // namespace
 
-Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
-                           const SupportPool& old, BodyMotion& motion) noexcept {
+void FreeBody::take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
+                    const SupportPool& old, BodyMotion& motion) noexcept {
   const rtbus::ProxyContacts& answer = told.answer;
   motion = told.motion();
   inverse_mass_per_kg_ = answer.body_inverse_mass_per_kg[told.row];
@@ -65,10 +50,10 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   force_n_ = vector_of(answer.body_external_force_n[told.row]);
   torque_n_m_ = vector_of(answer.body_external_torque_n_m[told.row]);
   friction_bound_n_ = answer.body_friction_bound_n[told.row];
-  ball_ = is_ball(told);
+  ball_ = told.is_ball(told.row);
   supported_ = rocks_ = rolls_ = false;
   const auto corners_before = corners_.leave(old);
-  const bool heavy = inverse_mass_per_kg_ * since.proxy_kg * kHeavy < 1.0;
+  const bool heavy = is_heavy(inverse_mass_per_kg_, since.proxy_kg);
   shape_ = heavy && told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
   corners_.be(shape_, told.origin_B_m());
   // A hand that pushes otherwise than at the answered instant moves it against its supports, and its own spring relaxes
@@ -89,7 +74,7 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
   }
   if (inverse_mass_per_kg_ > 0.0) {
     if (supported_) {
-      const bool lies = corners_.lie_down(since, motion, corners_before, first_support_, supports);
+      const bool lies = corners_.lie_down(told, since, motion, corners_before, first_support_, supports);
       support_count_ = supports.count - first_support_;
       if (!lies) stand_on(since.tuning, supports, motion);
     } else if (friction_bound_n_ > 0.0 && supports.spare > 0) {
@@ -102,7 +87,6 @@ Quaterniond FreeBody::take(const ToldBody& told, const SinceAnswer& since, doubl
       inverse_inertia_per_kg_m2_.setZero();
     }
   }
-  return since.from_ns < since.now_ns ? resimulate(since, supports, motion) : Quaterniond::Identity();
 }
 
 /// Supports push back only as far as they are pushed against: their forces of then are taken out of the body's force.
@@ -112,15 +96,31 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
   const std::size_t old_first = first_support_, old_end = first_support_ + support_count_;
   first_support_ = supports.count;
   for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, SupportPool::kSupports); ++i) {
-    if (answer.support_body[i] != told.row) continue;
+    const ToldPair pair = told.pair(i);
+    if (answer.support_points[i] == 0 && answer.support_holder[i] > 0) continue;  // it does not touch that
+    if (pair.holder == told.row) {  // the row is the held one's, and so is the force that is not told on
+      supported_ = true;
+      const Vector3d push_n = pair.sign * answer.support_force_n[i] * vector_of(answer.support_normal[i]);
+      const Vector3d from_m = vector_of(answer.support_point_m[i]) - motion.centre_m;
+      force_n_ += push_n;
+      torque_n_m_ += from_m.cross(push_n);
+    }
+    if (pair.held != told.row) continue;
     Support& support = supports.rows[supports.count++];
     support = Support{};
     support.from_centre_m = vector_of(answer.support_point_m[i]) - vector_of(answer.body_centre_m[told.row]);
-    support.normal = vector_of(answer.support_normal[i]);
+    support.normal = pair.sign * vector_of(answer.support_normal[i]);
     // What touches moves as one along the normal; a solver leaves a remainder.
-    support.velocity_m_s = vector_of(answer.support_velocity_m_s[i]);
     const Vector3d own_m_s = motion.velocity_at(support.from_centre_m);
-    support.velocity_m_s += support.normal * support.normal.dot(own_m_s - support.velocity_m_s);
+    if (pair.holder == ToldPair::kNone) {
+      support.velocity_m_s = vector_of(answer.support_velocity_m_s[i]);
+      support.velocity_m_s += support.normal * support.normal.dot(own_m_s - support.velocity_m_s);
+    } else {
+      const BodyMotion holder = ToldBody{answer, pair.holder}.motion();
+      support.holder = static_cast<int>(told.slot_of_row[pair.holder]);
+      support.from_holder_m = vector_of(answer.support_point_m[i]) - holder.centre_m;
+      support.velocity_m_s = support.normal * support.normal.dot(own_m_s - holder.velocity_at(support.from_holder_m));
+    }
     support.force_n = answer.support_force_n[i];
     support.friction = answer.support_friction[i];
     if (answer.support_points[i] >= kPatchPoints) support.torsion_radius_m = 1.0;  // its size: stand_on()
@@ -195,125 +195,6 @@ void FreeBody::stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion&
   }
 }
 
-/// The rows of its corners in a part of `h` of a re-simulation. They turn with it: a box on its edge falls over the
-/// faster, the farther its centre is beside the edge. Where they are after `ahead_s` is where they push: in the middle
-/// of a part, or eight parts would be too few.
-void FreeBody::follow_corners(const BodyMotion& motion, const Quaterniond& turned, double h, double ahead_s,
-                              SolverBody& body, FoundCorners& found, SupportPool& supports,
-                              SolverContact* rows) const noexcept {
-  Vector3d moved_m = motion.centre_m - found.centre_m;
-  Vector3d turned_rad = 2.0 * (turned * found.turned.conjugate()).vec();  // of a small angle
-  const bool far = moved_m.norm() > kSameCorners_m || turned_rad.norm() > kSameCorners_rad;
-  if (far) {
-    corners_.find(motion.centre_m, turned * motion.q_WB, supports);
-    found = {motion.centre_m, turned};
-    moved_m.setZero();
-    turned_rad.setZero();
-  }
-  const Vector3d then_rad = turned_rad + ahead_s * body.angular_velocity_rad_s;
-  for (std::size_t i = 0; i < support_count_; ++i) {
-    const Support& support = supports.rows[first_support_ + i];
-    const Vector3d& from_m = support.from_centre_m;
-    rows[i].normal = support.normal;
-    rows[i].from_a_m = from_m + then_rad.cross(from_m);
-    rows[i].closing_m_s = closing_m_s(support.gap_m + support.normal.dot(moved_m + turned_rad.cross(from_m)), h);
-  }
-  if (!far) {
-    move_points(&body, rows, support_count_);
-    return;
-  }
-  const Matrix3d R = turned.toRotationMatrix();
-  body.inverse_inertia_per_kg_m2 = R * inverse_inertia_per_kg_m2_ * R.transpose();
-  prepare_contacts(&body, rows, support_count_);
-}
-
-Quaterniond FreeBody::resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept {
-  const BodyMotion told = motion;
-  // Behind a network what stands still stands until it is pushed. In a part in which that begins, friction would brake
-  // it from before.
-  const bool waits = since.networked && since.others.none() && support_count_ > 0 &&
-                     motion.velocity_m_s.norm() < kStill_m_s && motion.angular_velocity_rad_s.norm() < kStill_rad_s;
-  const std::uint64_t from_ns = waits ? since.history.first_after(since.from_ns, since.now_ns) : since.from_ns;
-  if (from_ns >= since.now_ns) return Quaterniond::Identity();
-  Impulse before = since.given_at(from_ns);
-  const double way_s = from_ns > since.from_ns ? rtbus::seconds_between(from_ns, since.now_ns) : since.seconds();
-  // Walls before the body are rows that the budget has not counted.
-  const int budget = static_cast<int>(since.tuning.row_budget) / static_cast<int>(1 + support_count_);
-  const int parts = std::clamp(budget, 1, since.parts);
-  const double h = way_s / parts;
-  const double tick_s = std::min(h, since.tick_s);
-  SolverContact* const rows = since.scratch;
-  std::size_t count = 0;
-  if (inverse_mass_per_kg_ > 0.0) {
-    for (std::size_t i = first_support_; i < first_support_ + support_count_; ++i) {
-      SolverContact& row = rows[count++];
-      row = row_of(supports.rows[i], h);
-      row.softness_per_kg *= tick_s / h;  // gives way as fast as it does tick by tick
-      // A body that is jammed between hand and edge has a second solution, in which it flies off (P. Painlevé, 1895).
-      // With the friction of the tick before it stays in the one that it is in.
-      row.impulse_n_s = h / since.tick_s * supports.rows[i].impulse_n_s;
-      if (!corners_.lies()) {
-        const Vector3d& normal = supports.rows[i].normal;
-        row.impulse_n_s += (supports.rows[i].force_n * h - normal.dot(row.impulse_n_s)) * normal;
-      }
-      row.torsion_n_m_s = 0.0;
-    }
-  }
-  SolverBody body = solver_body(motion);
-  prepare_contacts(&body, rows, count);
-  Quaterniond turned = Quaterniond::Identity();
-  FoundCorners found{motion.centre_m, turned};
-  for (int part = 1; part <= parts; ++part) {
-    const std::uint64_t until_ns =
-        from_ns + (since.now_ns - from_ns) * static_cast<std::uint64_t>(part) / static_cast<std::uint64_t>(parts);
-    Impulse after = since.given_at(until_ns);
-    after += part < parts ? since.others.until(until_ns) : since.others.until_now();
-    if (corners_.lies()) follow_corners(motion, turned, h, 0.5 * (h - tick_s), body, found, supports, rows);
-    SolverBody next = body;
-    next.velocity_m_s += next.inverse_mass_per_kg * (h * force_n_ + after.linear_n_s - before.linear_n_s);
-    next.angular_velocity_rad_s +=
-        next.inverse_inertia_per_kg_m2 * (h * torque_n_m_ + after.angular_n_m_s - before.angular_n_m_s);
-    // Every part goes on from what the one before it found, the first from the tick before.
-    if (count > 0) relax_contacts(&next, rows, count, since.tuning.fewest_sweeps(), kTolerance_m_s * h / tick_s);
-    // Impulses came evenly over the part, each at the beginning of its tick.
-    const Vector3d faster_m_s = next.velocity_m_s - body.velocity_m_s;
-    motion.centre_m += h * (body.velocity_m_s + 0.5 * faster_m_s) + 0.5 * tick_s * faster_m_s;
-    turned = turn_of(0.5 * (body.angular_velocity_rad_s + next.angular_velocity_rad_s), h) * turned;
-    body.velocity_m_s = next.velocity_m_s;
-    body.angular_velocity_rad_s = next.angular_velocity_rad_s;
-    before = after;
-  }
-  motion.velocity_m_s = body.velocity_m_s;
-  const bool pushed = !(before.angular_n_m_s - since.given_at(from_ns).angular_n_m_s).isZero(0.0);
-  const double more_rad = way_s * (body.angular_velocity_rad_s - motion.angular_velocity_rad_s).norm();
-  if (shape_ != nullptr && pushed && more_rad > kBlocked_rad) {
-    // A hand that turns it so far would not touch it there any more: something that is not told holds it. It turns as
-    // it did, and goes where the hand brings what does not turn.
-    motion = told;
-    motion.angular_velocity_rad_s.setZero();
-    if (corners_.lies()) corners_.find(motion.centre_m, motion.q_WB, supports);  // they have gone with it
-    const Matrix3d inverse_inertia_per_kg_m2 = std::exchange(inverse_inertia_per_kg_m2_, Matrix3d::Zero());
-    resimulate(since, supports, motion);
-    inverse_inertia_per_kg_m2_ = inverse_inertia_per_kg_m2;
-    motion.angular_velocity_rad_s = told.angular_velocity_rad_s;
-    turned = turn_of(told.angular_velocity_rad_s, way_s);
-  } else {
-    motion.angular_velocity_rad_s = body.angular_velocity_rad_s;
-  }
-  turned.normalize();
-  if (turned.vec().isZero(0.0)) return turned;
-  const Matrix3d R = turned.toRotationMatrix();
-  inverse_inertia_per_kg_m2_ = R * inverse_inertia_per_kg_m2_ * R.transpose();
-  if (shape_ != nullptr) motion.q_WB = (turned * motion.q_WB).normalized();
-  if (corners_.lies()) return turned;
-  for (std::size_t i = first_support_; i < first_support_ + count; ++i) {
-    Support& support = supports.rows[i];
-    const Vector3d out_m = support.round_m * support.normal;
-    support.from_centre_m = turned * (support.from_centre_m + out_m) - out_m;
-  }
-  return turned;
-}
-
 double FreeBody::closing_m_s(double gap_m, double h) noexcept {
   return gap_m >= 0.0 ? gap_m / h : std::max(kOut * gap_m / h, -kOut_m_s);
 }
@@ -334,18 +215,23 @@ SolverContact FreeBody::row_of(const Support& support, double h) const noexcept 
   return row;
 }
 
-double FreeBody::light_kg(double proxy_kg) const noexcept {
-  const bool light = inverse_mass_per_kg_ > 0.0 && inverse_mass_per_kg_ * proxy_kg * kHeavy >= 1.0;
-  return light ? 1.0 / inverse_mass_per_kg_ : 0.0;
+bool FreeBody::is_heavy(double inverse_mass_per_kg, double proxy_kg) noexcept {
+  return inverse_mass_per_kg * proxy_kg * kHeavy < 1.0;
 }
 
-bool FreeBody::join(const BodyMotion& motion, const Impulse& given, bool touched, int self, double h,
-                    SolverBody& out) noexcept {
-  self_ = SolverContact::kFixed;
-  if (inverse_mass_per_kg_ <= 0.0) return false;
+double FreeBody::light_kg(double proxy_kg) const noexcept {
+  return inverse_mass_per_kg_ > 0.0 && !is_heavy(inverse_mass_per_kg_, proxy_kg) ? 1.0 / inverse_mass_per_kg_ : 0.0;
+}
+
+bool FreeBody::goes_on(const BodyMotion& motion, const Impulse& given) const noexcept {
   const bool moving = !motion.velocity_m_s.isZero(1e-9) || !motion.angular_velocity_rad_s.isZero(1e-7);
   const bool falls = !supported_ && !force_n_.isZero(0.0);
-  if (!touched && !moving && !falls && given.is_zero()) return false;
+  return moving || falls || !given.is_zero();
+}
+
+bool FreeBody::join(const BodyMotion& motion, const Impulse& given, int self, double h, SolverBody& out) noexcept {
+  self_ = SolverContact::kFixed;
+  if (inverse_mass_per_kg_ <= 0.0) return false;
   self_ = self;
   out = solver_body(motion);
   out.velocity_m_s += inverse_mass_per_kg_ * (h * force_n_ + given.linear_n_s);
@@ -358,8 +244,8 @@ void FreeBody::fill_row(const Vector3d& late_m_s, SolverContact& row) const noex
   if (self_ >= 0) row.surface_velocity_m_s = late_m_s;
 }
 
-std::size_t FreeBody::add_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
-                               std::size_t first) noexcept {
+std::size_t FreeBody::add_own_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
+                                   std::size_t first) noexcept {
   first_row_ = first;
   if (corners_.lies() && self_ >= 0) corners_.find(motion.centre_m, motion.q_WB, supports);
   for (std::size_t i = 0; i < support_count_; ++i) {

@@ -3,6 +3,7 @@
 /// A body that forces move, on supports that stand. Frame W, SI units.
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -14,15 +15,33 @@
 
 namespace haptic {
 
-/// Each support pushes back as far as the body is pushed against it. @realtime Yes.
+/// Each support pushes back as far as the body is pushed against it, be it one that stands, or another free body.
+/// @realtime Yes.
 class FreeBody {
  public:
-  /// Puts the body where the answer has it, and re-simulates it from there to now: under its forces, on its supports,
-  /// with the impulses of all hands since, as advance() would have moved it, in fewer and longer steps.
+  /// Puts the body where the answer has it.
   /// @param hand_m_s How fast the hand moves. @param supports Gets those of this body.
-  /// @param old The pool before this answer. @returns its turn from the answer's instant to now.
-  Eigen::Quaterniond take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
-                          const SupportPool& old, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
+  /// @param old The pool before this answer.
+  void take(const ToldBody& told, const SinceAnswer& since, double hand_m_s, SupportPool& supports,
+            const SupportPool& old, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
+
+  /// One of the bodies that are re-simulated together.
+  struct Replayed {
+    FreeBody* body = nullptr;
+    BodyMotion* motion = nullptr;
+    const SinceAnswer* since = nullptr;
+    int slot = 0;                                                ///< By which the supports of the others name it.
+    Eigen::Quaterniond turned = Eigen::Quaterniond::Identity();  ///< Set: its turn from the answer's instant to now.
+  };
+  static constexpr std::size_t kMostTogether = 4;
+
+  /// Re-simulates bodies that push each other from the answer's instant to now: under their forces, on their supports,
+  /// with the impulses of all hands since, as ticks would have moved them, in fewer and longer steps.
+  /// @param together At most kMostTogether, of one answer.
+  static void replay(std::span<Replayed> together, SupportPool& supports) noexcept RTBUS_NONBLOCKING;
+
+  /// Whether that mass is so much that a tick of the loop does not throw it: `proxy_kg` is h(hK + B).
+  [[nodiscard]] static bool is_heavy(double inverse_mass_per_kg, double proxy_kg) noexcept;
 
   /// An answer does not name the body: it stands on nothing that is known, and so has no weight either.
   void leave_supports() noexcept {
@@ -33,17 +52,39 @@ class FreeBody {
     torque_n_m_.setZero();
   }
 
-  /// Takes part in a step as body number `self`, if it moves or is touched. @returns whether it does.
+  /// Whether it moves by itself in a step, though the proxy does not touch it.
   /// @param given By other hands in this step, and what the ladder added to the own push of the last one.
-  bool join(const BodyMotion& motion, const Impulse& given, bool touched, int self, double h,
+  [[nodiscard]] bool goes_on(const BodyMotion& motion, const Impulse& given) const noexcept RTBUS_NONBLOCKING;
+
+  /// Takes part in a step as body number `self`. @returns whether it does: a force moves it.
+  bool join(const BodyMotion& motion, const Impulse& given, int self, double h,
             SolverBody& out) noexcept RTBUS_NONBLOCKING;
+  void stay_out() noexcept { self_ = SolverContact::kFixed; }
+  /// Its number in the step; SolverContact::kFixed: it takes no part.
+  [[nodiscard]] int self() const noexcept { return self_; }
 
   /// Completes the row of a contact with the proxy. @param late_m_s What the surface is felt to go beyond the body.
   void fill_row(const Eigen::Vector3d& late_m_s, SolverContact& row) const noexcept RTBUS_NONBLOCKING;
 
-  /// Adds the rows of its supports from `rows[first]` on. @returns how many.
-  std::size_t add_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
-                       std::size_t first) noexcept RTBUS_NONBLOCKING;
+  /// Adds the rows of its supports from `rows[first]` on. All bodies that take part have joined.
+  /// @param holder_in The free body in that slot, a LocalBody, whose kind and motion hold this one. @returns how many.
+  template <class HolderIn>
+  std::size_t add_rows(const BodyMotion& motion, const HolderIn& holder_in, SupportPool& supports, double h,
+                       SolverContact* rows, std::size_t first) noexcept {
+    if (self_ >= 0) {
+      corners_.place_holders([&](int slot) -> const BodyMotion& { return holder_in(slot).motion; });
+    }
+    const std::size_t count = add_own_rows(motion, supports, h, rows, first);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Support& support = supports.rows[first_support_ + i];
+      if (support.holder == Support::kStands) continue;
+      const auto* const holder = holder_in(support.holder).template as<FreeBody>();
+      if (holder == nullptr) continue;
+      rows[first + i].b = holder->self();
+      rows[first + i].from_b_m = support.from_holder_m;
+    }
+    return count;
+  }
 
   void advance(const StepSolution& step, SupportPool& supports, BodyMotion& motion) noexcept RTBUS_NONBLOCKING;
 
@@ -63,15 +104,10 @@ class FreeBody {
   void take_supports(const ToldBody& told, const Tuning& tuning, const BodyMotion& motion, SupportPool& supports,
                      const SupportPool& old) noexcept;
   void make_round(const BodyMotion& motion, Support& support) noexcept;
-  /// Where the body was in a re-simulation when its corners were found last.
-  struct FoundCorners {
-    Eigen::Vector3d centre_m;
-    Eigen::Quaterniond turned;
-  };
-  void follow_corners(const BodyMotion& motion, const Eigen::Quaterniond& turned, double h, double ahead_s,
-                      SolverBody& body, FoundCorners& found, SupportPool& supports, SolverContact* rows) const noexcept;
   void stand_on(const Tuning& tuning, SupportPool& supports, BodyMotion& motion) noexcept;
-  Eigen::Quaterniond resimulate(const SinceAnswer& since, SupportPool& supports, BodyMotion& motion) noexcept;
+  class Replay;
+  std::size_t add_own_rows(const BodyMotion& motion, SupportPool& supports, double h, SolverContact* rows,
+                           std::size_t first) noexcept RTBUS_NONBLOCKING;
   [[nodiscard]] static double closing_m_s(double gap_m, double h) noexcept;
   [[nodiscard]] SolverContact row_of(const Support& support, double h) const noexcept;
   [[nodiscard]] SolverBody solver_body(const BodyMotion& motion) const noexcept {

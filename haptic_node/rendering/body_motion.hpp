@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <span>
+#include <utility>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -55,6 +57,14 @@ struct BodyMotion {
   }
 };
 
+/// Who holds whom in a support of an answer.
+struct ToldPair {
+  static constexpr std::size_t kNone = rtbus::kContactSlots;
+  std::size_t held = 0;        ///< A row …
+  std::size_t holder = kNone;  ///< … and another; kNone: what holds has none.
+  double sign = 1.0;           ///< −1: the other way round than it is told.
+};
+
 /// One body's row of an answer.
 struct ToldBody {
   const rtbus::ProxyContacts& answer;
@@ -62,12 +72,33 @@ struct ToldBody {
   bool complete = true;       ///< All supports of the body found a place in the answer.
   std::size_t supports = 0;   ///< So many did.
   double loosest_per_kg = 0;  ///< Largest inverse mass of what holds the body; 0: all that holds it stands.
+  bool together = false;      ///< With all that touches it: who holds it is known.
+  std::span<const std::size_t> slot_of_row{};  ///< Of the local world.
 
   [[nodiscard]] Eigen::Vector3d centre_m() const noexcept { return rtbus::vector_of(answer.body_centre_m[row]); }
   /// Of unit length where it is known.
   [[nodiscard]] Eigen::Quaterniond q_WB() const noexcept {
     const rtbus::Quat& q = answer.body_orientation_wxyz[row];
     return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
+  }
+  /// What rolls is held, so that it is held below its centre.
+  [[nodiscard]] ToldPair pair(std::size_t support) const noexcept {
+    ToldPair out{answer.support_body[support]};
+    const std::size_t holder = answer.support_holder[support];
+    if (!together || holder == 0 || holder - 1 == out.held) return out;
+    out.holder = holder - 1;
+    if (!is_ball(out.held) && is_ball(out.holder)) {
+      std::swap(out.held, out.holder);
+      out.sign = -1.0;
+    }
+    return out;
+  }
+  /// Only balls have contacts with a curvature.
+  [[nodiscard]] bool is_ball(std::size_t which) const noexcept {
+    for (std::size_t i = 0; i < std::min<std::size_t>(answer.contacts, rtbus::kContactSlots); ++i) {
+      if (answer.contact_body[i] == which) return answer.contact_curvature_per_m[i] > 0.0;
+    }
+    return false;
   }
   /// A quaternion is none where its length is farther from 1.
   [[nodiscard]] bool knows_orientation() const noexcept {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace haptic {
@@ -205,6 +206,34 @@ void end(SolverContact& contact) noexcept {
   contact.impulse_n_s += contact.tangent_n_s.x() * first.along + contact.tangent_n_s.y() * second.along;
 }
 
+/// Of one contact: along the normal, along both tangents, about the normal.
+using RowImpulse = Eigen::Vector4d;
+
+RowImpulse impulses_of(const SolverContact& contact) noexcept {
+  return {contact.normal_n_s, contact.tangent_n_s.x(), contact.tangent_n_s.y(), contact.torsion_n_m_s};
+}
+
+/// Twice the energy that such an impulse would give to what rests there.
+double weighed_square(const SolverContact& contact, const RowImpulse& impulse) noexcept {
+  const double spin =
+      contact.inertia_torsion_kg_m2 > 0.0 ? impulse[3] * impulse[3] / contact.inertia_torsion_kg_m2 : 0.0;
+  return contact.inverse_mass_normal_per_kg * impulse.head<3>().squaredNorm() + spin;
+}
+
+void give(SolverBody* bodies, SolverContact& contact, const RowImpulse& more) noexcept {
+  if (contact.inverse_mass_normal_per_kg <= 0.0) return;
+  contact.normal_n_s += more[0];
+  if (contact.friction <= 0.0) {
+    push(bodies, contact, more[0]);
+    return;
+  }
+  contact.tangent_n_s += more.segment<2>(1);
+  push(bodies, contact, more[0], more.segment<2>(1));
+  if (contact.inertia_torsion_kg_m2 <= 0.0) return;
+  contact.torsion_n_m_s += more[3];
+  spin(bodies, contact, more[3]);
+}
+
 }  // namespace
 
 void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept {
@@ -227,6 +256,39 @@ int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
     double change = 0.0;
     for (std::size_t i = 0; i < count; ++i) change = std::max(change, relax(bodies, contacts[i]));
     if (change <= tolerance_m_s) break;
+  }
+  for (std::size_t i = 0; i < count; ++i) end(contacts[i]);
+  return sweeps;
+}
+
+int relax_together(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
+                   double tolerance_m_s) noexcept {
+  count = std::min(count, kMostRowsTogether);
+  std::array<RowImpulse, kMostRowsTogether> way, before;
+  double last = 0.0;
+  for (std::size_t i = 0; i < count; ++i) begin(bodies, contacts[i]);
+  int sweeps = 0;
+  while (sweeps < max_sweeps) {
+    ++sweeps;
+    for (std::size_t i = 0; i < count; ++i) before[i] = impulses_of(contacts[i]);
+    double change = 0.0, square = 0.0;
+    for (std::size_t i = 0; i < count; ++i) {
+      change = std::max(change, relax(bodies, contacts[i]));
+      before[i] = impulses_of(contacts[i]) - before[i];
+      square += weighed_square(contacts[i], before[i]);
+    }
+    if (change <= tolerance_m_s || sweeps == max_sweeps) break;
+    const double onward = sweeps > 1 && square <= last ? square / last : 0.0;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (onward > 0.0) {
+        const RowImpulse more = onward * way[i];
+        give(bodies, contacts[i], more);
+        way[i] = more + before[i];
+      } else {
+        way[i] = sweeps > 1 ? RowImpulse(RowImpulse::Zero()) : before[i];
+      }
+    }
+    last = square;
   }
   for (std::size_t i = 0; i < count; ++i) end(contacts[i]);
   return sweeps;

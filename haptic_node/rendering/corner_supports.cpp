@@ -75,8 +75,8 @@ std::span<const Support> CornerSupports::leave(const SupportPool& old) noexcept 
   return {old.rows.data() + first_, std::exchange(lies_, false) ? kCorners * face_count_ : 0};
 }
 
-bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion, std::span<const Support> before,
-                              std::size_t first, SupportPool& supports) noexcept {
+bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion,
+                              std::span<const Support> before, std::size_t first, SupportPool& supports) noexcept {
   if (box_ == nullptr && hull_ == nullptr) return false;
   std::array<Support, kFaces> held;
   std::array<FacePoints, kFaces> found;
@@ -84,14 +84,11 @@ bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion
   face_count_ = 0;
   for (std::size_t i = first; i < supports.count; ++i) {
     const Support& told = supports.rows[i];
+    Face holds;
     FacePoints corners;
-    const auto* const holder = since.shapes.holder_at(motion.centre_m + told.from_centre_m, [&](const auto& each) {
-      return corners_on(each, motion.centre_m, motion.q_WB, corners) &&
-             corners.normal.dot(told.normal) >= since.tuning.same_plane_cosine;
-    });
-    if (holder == nullptr) return false;
+    if (!find_holder(body, since, motion, told, holds, corners)) return false;
     std::size_t face = 0;
-    while (face < face_count_ && faces_[face].holder != holder) ++face;
+    while (face < face_count_ && !faces_[face].is_of(holds)) ++face;
     if (face < face_count_) {
       const double both_n = held[face].force_n + told.force_n;
       const double share = both_n > 0.0 ? told.force_n / both_n : 0.0;
@@ -102,11 +99,13 @@ bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion
     if (face_count_ == kFaces) return false;
     held[face] = told;
     found[face] = corners;
-    faces_[face_count_].holder = holder;
+    faces_[face_count_] = holds;
     faces_[face_count_++].rest_gap_m.fill(nearest_m(corners, 0.0));
   }
   const std::size_t told_count = supports.count - first;
-  add_walls(since, motion, supports.rows[first].friction, (told_count + supports.spare) / kCorners, held, found);
+  const std::size_t most_faces = (told_count + supports.spare) / kCorners;
+  add_walls(since, motion, supports.rows[first].friction, most_faces, held, found);
+  add_near_bodies(body, since, motion, most_faces, held, found);
   const std::size_t rows = kCorners * face_count_;
   const std::size_t more = rows - std::min(told_count, rows);
   if (supports.spare < more) return false;
@@ -116,11 +115,66 @@ bool CornerSupports::lie_down(const SinceAnswer& since, const BodyMotion& motion
   for (std::size_t i = 0; i < face_count_; ++i) {
     std::span<const Support> bore;
     for (std::size_t j = 0; kCorners * j < before.size(); ++j) {
-      if (faces_before[j].holder == faces_[i].holder) bore = before.subspan(kCorners * j, kCorners);
+      if (faces_before[j].is_of(faces_[i])) bore = before.subspan(kCorners * j, kCorners);
     }
     lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, supports);
   }
   return true;
+}
+
+/// What bears the body where that is told, and its corners there.
+bool CornerSupports::find_holder(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion,
+                                 const Support& told, Face& face, FacePoints& corners) const noexcept {
+  const auto bears = [&](const rtbus::shapes::PlacedShape& holder) {
+    return corners_on(holder, motion.centre_m, motion.q_WB, corners) &&
+           corners.normal.dot(told.normal) >= since.tuning.same_plane_cosine;
+  };
+  if (told.holder == Support::kStands) {
+    face.stands = since.shapes.holder_at(motion.centre_m + told.from_centre_m, bears);
+    return face.stands != nullptr;
+  }
+  const auto slots = body.slot_of_row;
+  const auto row = static_cast<std::size_t>(
+      std::find(slots.begin(), slots.end(), static_cast<std::size_t>(told.holder)) - slots.begin());
+  return row < slots.size() && place_holder(body, since, row, face) && bears(face.moves);
+}
+
+/// @returns whether that row is a box whose place is known.
+bool CornerSupports::place_holder(const ToldBody& body, const SinceAnswer& since, std::size_t row,
+                                  Face& face) const noexcept {
+  const ToldBody holder{body.answer, row};
+  const auto* const shape = holder.knows_orientation() ? since.shapes.mover_of(body.answer.body_index[row]) : nullptr;
+  const auto* const box = shape != nullptr ? std::get_if<rtbus::shapes::Box>(&shape->shape) : nullptr;
+  if (box == nullptr) return false;
+  face.holder = static_cast<int>(body.slot_of_row[row]);
+  face.moves = {*box, holder.q_WB(), holder.centre_m()};
+  return true;
+}
+
+/// Boxes that move, and that the body does not touch yet.
+void CornerSupports::add_near_bodies(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion,
+                                     std::size_t most_faces, std::span<Support, kFaces> held,
+                                     std::span<FacePoints, kFaces> found) noexcept {
+  if (box_ == nullptr) return;
+  const rtbus::ProxyContacts& answer = body.answer;
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, SupportPool::kSupports); ++i) {
+    const ToldPair pair = body.pair(i);
+    if (answer.support_points[i] > 0 || pair.holder == ToldPair::kNone || pair.held != body.row) continue;
+    if (face_count_ >= std::min(kFaces, most_faces)) return;
+    Face face;
+    FacePoints corners;
+    if (!place_holder(body, since, pair.holder, face)) continue;
+    if (!corners_on(face.moves, motion.centre_m, motion.q_WB, corners)) continue;
+    const double gap_m = nearest_m(corners, kFar_m);
+    if (std::abs(gap_m) > kBefore_m) continue;
+    held[face_count_] = Support{};
+    held[face_count_].normal = corners.normal;
+    held[face_count_].friction = answer.support_friction[i];
+    held[face_count_].holder = face.holder;
+    found[face_count_] = corners;
+    face.rest_gap_m.fill(std::min(0.0, gap_m));
+    faces_[face_count_++] = face;
+  }
 }
 
 /// What stands before the body, and would hold it before the next answer comes: a wall that it is pushed against.
@@ -134,7 +188,7 @@ void CornerSupports::add_walls(const SinceAnswer& since, const BodyMotion& motio
   for (const rtbus::shapes::PlacedShape& holder : since.shapes.holders()) {
     if (face_count_ >= std::min(kFaces, most_faces)) return;
     if (rtbus::shapes::nearest_surface(holder, motion.centre_m).distance_m > near_m) continue;
-    const auto is_it = [&](const Face& face) { return face.holder == &holder; };
+    const auto is_it = [&](const Face& face) { return face.stands == &holder; };
     if (std::any_of(faces_.begin(), faces_.begin() + static_cast<std::ptrdiff_t>(told), is_it)) continue;
     FacePoints corners;
     if (!corners_on(holder, motion.centre_m, motion.q_WB, corners)) continue;
@@ -146,7 +200,7 @@ void CornerSupports::add_walls(const SinceAnswer& since, const BodyMotion& motio
     held[face_count_].normal = corners.normal;
     held[face_count_].friction = friction;
     found[face_count_] = corners;
-    faces_[face_count_].holder = &holder;
+    faces_[face_count_] = Face{&holder};
     faces_[face_count_++].rest_gap_m.fill(std::min(0.0, gap_m));
   }
 }
@@ -192,7 +246,7 @@ bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const 
 void CornerSupports::find(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
   for (std::size_t i = 0; i < face_count_; ++i) {
     FacePoints corners;
-    (void)corners_on(*faces_[i].holder, centre_m, q_WB, corners);
+    (void)corners_on(faces_[i].placed(), centre_m, q_WB, corners);
     put(i, corners, centre_m, supports);
   }
 }
@@ -205,6 +259,7 @@ void CornerSupports::put(std::size_t face, const FacePoints& corners, const Vect
   for (std::size_t k = 0; k < corners.count; ++k) {
     Support& row = rows[places[k]];
     row.from_centre_m = corners.point_m[k] - centre_m;
+    row.from_holder_m = corners.point_m[k] - faces_[face].placed().p_WB;
     row.normal = corners.normal;
     row.gap_m = corners.gap_m[k] - faces_[face].rest_gap_m[places[k]];
   }

@@ -37,8 +37,19 @@ class CornerSupports {
   /// Puts corners in the place of what an answer tells: the last rows of the pool, from `first` on.
   /// @param before What leave() gave: each corner begins with what it bore.
   /// @returns false, and changes no row, where a shape is not known, or the pool has no room.
-  bool lie_down(const SinceAnswer& since, const BodyMotion& motion, std::span<const Support> before, std::size_t first,
-                SupportPool& supports) noexcept RTBUS_NONBLOCKING;
+  bool lie_down(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion,
+                std::span<const Support> before, std::size_t first, SupportPool& supports) noexcept RTBUS_NONBLOCKING;
+
+  /// What holds it and moves is where `motion_of(slot)` has it.
+  template <class MotionOf>
+  void place_holders(const MotionOf& motion_of) noexcept {
+    for (std::size_t i = 0; lies_ && i < face_count_; ++i) {
+      if (faces_[i].holder == Support::kStands) continue;
+      const BodyMotion& motion = motion_of(faces_[i].holder);
+      faces_[i].moves.q_WB = motion.q_WB;
+      faces_[i].moves.p_WB = motion.centre_m;
+    }
+  }
 
   /// The corners of all faces, where the body is now.
   void find(const Eigen::Vector3d& centre_m, const Eigen::Quaterniond& q_WB,
@@ -46,11 +57,23 @@ class CornerSupports {
 
  private:
   struct Face {
-    const rtbus::shapes::PlacedShape* holder = nullptr;
-    std::array<double, kCorners> rest_gap_m{};  ///< Where physics has each row touch.
+    const rtbus::shapes::PlacedShape* stands = nullptr;  ///< What holds; nullptr: a body that moves …
+    int holder = Support::kStands;                       ///< … in that slot of the local world …
+    rtbus::shapes::PlacedShape moves{};                  ///< … which is there.
+    std::array<double, kCorners> rest_gap_m{};           ///< Where physics has each row touch.
+
+    [[nodiscard]] const rtbus::shapes::PlacedShape& placed() const noexcept { return stands ? *stands : moves; }
+    [[nodiscard]] bool is_of(const Face& other) const noexcept {
+      return stands == other.stands && holder == other.holder;
+    }
   };
   static constexpr std::size_t kFaces = 4;
 
+  bool find_holder(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion, const Support& told,
+                   Face& face, rtbus::shapes::FacePoints& corners) const noexcept;
+  bool place_holder(const ToldBody& body, const SinceAnswer& since, std::size_t row, Face& face) const noexcept;
+  void add_near_bodies(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion, std::size_t most_faces,
+                       std::span<Support, kFaces> held, std::span<rtbus::shapes::FacePoints, kFaces> found) noexcept;
   /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
   bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
                   const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;

@@ -25,6 +25,7 @@ struct LocalBody {
   std::uint32_t index = 0;  ///< In the scene's order.
   Blend blend;              ///< With which what an answer changes is brought in.
   BodyMotion motion;        ///< Of a rigid one.
+  std::size_t group = 0;    ///< Free bodies with the same number push each other; 0: it touches no other.
   int shape = -1;           ///< Which of the known shapes its contacts follow; −1: planes, as they are told.
   Eigen::Vector3d origin_B_m = Eigen::Vector3d::Zero();  ///< Of the shape's frame, from the centre, in that frame.
   PileBody::Known known;                                 ///< By the last answer.
@@ -33,6 +34,12 @@ struct LocalBody {
   LadderShare ladder;                                    ///< Of a free one. Other kinds get it with the next answer.
   std::variant<FixedBody, DrivenBody, FreeBody, PileBody> kind;
 
+  /// In the running step, besides what the own hand gives.
+  [[nodiscard]] Impulse given() const noexcept {
+    Impulse out = heard;
+    out += ladder.due();
+    return out;
+  }
   /// An impulse of the hand moves it.
   [[nodiscard]] bool is_moved() const noexcept { return as<FreeBody>() != nullptr || as<PileBody>() != nullptr; }
   template <class Kind>

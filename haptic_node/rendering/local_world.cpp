@@ -133,7 +133,12 @@ std::size_t LocalWorld::solve_once(double h, double tolerance_m_s, bool again) n
   if (rows == 0) return 0;
   const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows), tuning_.fewest_sweeps(),
                                 tuning_.most_sweeps());
-  solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps, tolerance_m_s);
+  prepare_contacts(solver_bodies_.data(), rows_.data(), rows);
+  if (group_moves_) {
+    relax_together(solver_bodies_.data(), rows_.data(), rows, tuning_.together_sweeps(), tolerance_m_s);
+  } else {
+    relax_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps, tolerance_m_s);
+  }
   return rows;
 }
 
@@ -158,8 +163,12 @@ void LocalWorld::foresee(const LocalSpring& spring, std::uint64_t sample_ns, dou
 void LocalWorld::ease(const LocalSpring& spring, double h) noexcept {
   const double slope_n_per_s = tuning_.recovery_m_s * spring.stiffness_n_per_m;
   const double most_n = std::max(slope_n_per_s, kFastest_n_per_s * spring.force_scale) * ease_s_;
+  // foresee() may be off by that, and the change is to keep its limit.
+  const double off_n = kForeseen_m_s * lag_of(spring, h);
   const auto shorten = [&] {
-    const double size_n = eased_n_.norm(), by_n = h * std::max(slope_n_per_s, std::min(size_n, most_n) / ease_s_);
+    const double size_n = eased_n_.norm();
+    const double most_by_n = h * std::max(slope_n_per_s, std::min(size_n, most_n) / ease_s_);
+    const double by_n = std::max(0.5 * most_by_n, most_by_n - off_n);
     eased_n_ =
         size_n > by_n ? Vector3d(std::min(size_n - by_n, most_n) / size_n * eased_n_) : Vector3d(Vector3d::Zero());
   };
@@ -197,6 +206,8 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
   int next = 1;
   light_kg_ = 0.0;
   on_free_ = false;
+  std::array<bool, kBodies> joins{};
+  std::array<bool, kMostGroups> group_joins{};
   for (std::size_t slot = 0; slot < slots_; ++slot) {
     auto* const free = bodies_[slot].as<FreeBody>();
     if (free == nullptr || !bodies_[slot].used) continue;
@@ -204,11 +215,18 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
       light_kg_ = std::max(light_kg_, free->light_kg(proxy_kg_));
       on_free_ = true;
     }
-    Impulse given = bodies_[slot].heard;
-    given += bodies_[slot].ladder.due();
-    const bool joins =
-        free->join(bodies_[slot].motion, given, touched[slot], next, h, solver_bodies_[static_cast<std::size_t>(next)]);
-    next += joins ? 1 : 0;
+    joins[slot] = touched[slot] || free->goes_on(bodies_[slot].motion, bodies_[slot].given());
+    if (bodies_[slot].group == 0) continue;
+    group_joins[bodies_[slot].group] = group_joins[bodies_[slot].group] || joins[slot];
+  }
+  group_moves_ = std::any_of(group_joins.begin(), group_joins.end(), [](bool any) { return any; });
+  for (std::size_t slot = 0; slot < slots_; ++slot) {
+    LocalBody& body = bodies_[slot];
+    auto* const free = body.as<FreeBody>();
+    if (free == nullptr || !body.used) continue;
+    free->stay_out();
+    if (!joins[slot] && !group_joins[body.group]) continue;
+    next += free->join(body.motion, body.given(), next, h, solver_bodies_[static_cast<std::size_t>(next)]) ? 1 : 0;
   }
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
     const auto& contact = contacts_.of_row(i);
@@ -219,7 +237,10 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
   }
   for (LocalBody& body : slots()) {
     auto* const free = body.as<FreeBody>();
-    if (free != nullptr && body.used) rows += free->add_rows(body.motion, supports_, h, rows_.data(), rows);
+    if (free == nullptr || !body.used) continue;
+    rows += free->add_rows(
+        body.motion, [this](int slot) -> const LocalBody& { return bodies_[static_cast<std::size_t>(slot)]; },
+        supports_, h, rows_.data(), rows);
   }
   return rows + yielding_.add_row(proxy_.position_m, begun_ns_, h, solver_bodies_[0], rows_.data(), rows);
 }

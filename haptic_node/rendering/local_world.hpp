@@ -93,6 +93,23 @@ class LocalWorld {
  private:
   static_assert(HandImpulses::kHeld >= kBodies + 1 && HandImpulses::kMostEntries >= ProxyContactSet::kSolved + 1);
   static constexpr std::size_t kMostRows = HandImpulses::kMostEntries + SupportPool::kSupports;
+  static_assert(kMostRows <= kMostRowsTogether);
+
+  static constexpr std::size_t kMostGroups = rtbus::kContactSlots / 2 + 1;  ///< Of two bodies at least; 0 is none.
+
+  /// What the supports say of the bodies of an answer, by row.
+  struct ToldSupports {
+    std::array<std::size_t, rtbus::kContactSlots> count{};
+    std::array<std::size_t, rtbus::kContactSlots> ends{};  ///< Of edges.
+    std::array<double, rtbus::kContactSlots> loosest_per_kg{};
+    std::array<std::size_t, rtbus::kContactSlots> group{};  ///< As LocalBody::group.
+  };
+  [[nodiscard]] ToldSupports read_supports(const rtbus::ProxyContacts& answer, std::size_t rigid_rows) const noexcept;
+  void find_groups(const rtbus::ProxyContacts& answer, std::size_t rigid_rows, ToldSupports& out) const noexcept;
+  [[nodiscard]] SinceAnswer since_answer(const rtbus::ProxyContacts& answer, const LocalBody& body, int parts,
+                                         std::uint64_t now_ns) noexcept;
+  void replay_free(const rtbus::ProxyContacts& answer, std::span<const std::size_t> slot_of_row, int parts,
+                   std::uint64_t now_ns, std::span<Eigen::Quaterniond> turned) noexcept;
 
   [[nodiscard]] std::span<LocalBody> slots() noexcept { return {bodies_.data(), slots_}; }
   [[nodiscard]] std::size_t slot_of(std::uint32_t index) noexcept;
@@ -133,6 +150,7 @@ class LocalWorld {
   double world_lag_s_ = 0.0;    ///< SinceAnswer::world_lag_s of it.
   double proxy_kg_ = 0.0;       ///< In a tick: h(hK + B), as asked for.
   double light_kg_ = 0.0;       ///< The heaviest of the light bodies that were touched in the last step.
+  bool group_moves_ = false;    ///< Free bodies that push each other take part in the step.
   bool on_free_ = false;        ///< A body that forces move was touched in it.
   std::uint64_t now_ns_ = 0;    ///< The bodies are there.
   std::uint64_t begun_ns_ = 0;  ///< This tick has begun.

@@ -1,6 +1,8 @@
 // What a LocalWorld takes from an answer of physics.
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <optional>
 
 #include "haptic_node/rendering/blend.hpp"
 #include "haptic_node/rendering/local_world.hpp"
@@ -110,30 +112,79 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
   return 0;
 }
 
+LocalWorld::ToldSupports LocalWorld::read_supports(const rtbus::ProxyContacts& answer,
+                                                   std::size_t rigid_rows) const noexcept {
+  ToldSupports out;
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, SupportPool::kSupports); ++i) {
+    const std::size_t row = answer.support_body[i];
+    const std::size_t holder = answer.support_holder[i];
+    if (row >= rigid_rows || (holder > 0 && answer.support_points[i] == 0)) continue;  // near, and does not touch
+    ++out.count[row];
+    if (answer.support_points[i] == 2) ++out.ends[row];
+    out.loosest_per_kg[row] = std::max(out.loosest_per_kg[row], answer.support_inverse_mass_per_kg[i]);
+    // What holds another one is held by it.
+    if (holder == 0 || holder > rigid_rows) continue;
+    ++out.count[holder - 1];
+    out.loosest_per_kg[holder - 1] = std::max(out.loosest_per_kg[holder - 1], answer.body_inverse_mass_per_kg[row]);
+  }
+  find_groups(answer, rigid_rows, out);
+  return out;
+}
+
+/// Free bodies that push each other, and that nothing else holds that moves. Those of a group that is too large, or has
+/// a body that is too light, are a pile.
+void LocalWorld::find_groups(const rtbus::ProxyContacts& answer, std::size_t rigid_rows,
+                             ToldSupports& out) const noexcept {
+  const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
+  std::array<std::size_t, rtbus::kContactSlots> first{};  // row of each row's group
+  std::iota(first.begin(), first.end(), std::size_t{0});
+  for (std::size_t i = 0; i < supports; ++i) {
+    const std::size_t a = answer.support_body[i], b = answer.support_holder[i];
+    if (b == 0 || a >= rigid_rows || b > rigid_rows || first[a] == first[b - 1]) continue;
+    const std::size_t keep = std::min(first[a], first[b - 1]), drop = std::max(first[a], first[b - 1]);
+    std::replace(first.begin(), first.end(), drop, keep);
+  }
+  const std::size_t complete = complete_rows(answer);
+  std::size_t groups = 0;
+  for (std::size_t head = 0; head < rigid_rows; ++head) {
+    std::size_t size = 0;
+    bool free = first[head] == head;
+    for (std::size_t row = head; row < rigid_rows; ++row) {
+      if (first[row] != head) continue;
+      ++size;
+      const double inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
+      free = free && row < complete && answer.body_kind[row] == 2 && inverse_mass_per_kg > 0.0 &&
+             FreeBody::is_heavy(inverse_mass_per_kg, proxy_kg_);
+    }
+    for (std::size_t i = 0; i < supports; ++i) {
+      const std::size_t row = answer.support_body[i];
+      if (row >= rigid_rows || first[row] != head) continue;
+      free = free && (answer.support_holder[i] > 0 || answer.support_inverse_mass_per_kg[i] <= 0.0);
+    }
+    if (!free || size < 2 || size > FreeBody::kMostTogether) continue;
+    ++groups;
+    for (std::size_t row = head; row < rigid_rows; ++row) {
+      if (first[row] == head) out.group[row] = groups;
+    }
+  }
+}
+
 void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t now_ns,
                             std::span<std::size_t> slot_of_row, std::span<Quaterniond> turned) noexcept {
   const std::size_t rigid_rows = std::min<std::size_t>(answer.bodies, rtbus::kContactSlots);
-  const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
-  std::array<std::size_t, rtbus::kContactSlots> count{}, ends{};  // `ends`: of edges
-  std::array<double, rtbus::kContactSlots> loosest{};
-  for (std::size_t i = 0; i < supports; ++i) {
-    const std::size_t row = answer.support_body[i];
-    if (row >= rigid_rows) continue;
-    ++count[row];
-    if (answer.support_points[i] == 2) ++ends[row];
-    loosest[row] = std::max(loosest[row], answer.support_inverse_mass_per_kg[i]);
-  }
+  const ToldSupports told = read_supports(answer, rigid_rows);
   // Every body goes on from the answer's instant to now in so many parts.
   const std::size_t complete = complete_rows(answer);
   int rows = 0;
   for (std::size_t row = 0; row < rigid_rows; ++row) {
     if (answer.body_kind[row] == 0) continue;
-    const bool sleeps = count[row] == 0 && row < complete && answer.body_friction_bound_n[row] > 0.0;
+    const std::size_t count = told.count[row];
+    const bool sleeps = count == 0 && row < complete && answer.body_friction_bound_n[row] > 0.0;
     const bool corners = shapes_.known().has_corners(answer.body_index[row]);
-    rows += 1 + (loosest[row] > 0.0 ? 0
-                 : sleeps           ? 1
-                                    : static_cast<int>(corners ? CornerSupports::kCorners * (count[row] - ends[row] / 2)
-                                                               : count[row]));
+    rows += 1 + (told.loosest_per_kg[row] > 0.0 && told.group[row] == 0 ? 0
+                 : sleeps                                               ? 1
+                 : corners ? static_cast<int>(CornerSupports::kCorners * (count - told.ends[row] / 2))
+                           : static_cast<int>(count));
   }
   int parts = 1;
   if (answer.device_time_ns < now_ns) {
@@ -146,36 +197,74 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t no
   }
   std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
   supports_.count = 0;
-  supports_.spare = SupportPool::kSupports - supports;
+  supports_.spare = SupportPool::kSupports - std::min<std::size_t>(answer.supports, SupportPool::kSupports);
   for (std::size_t row = 0; row < rigid_rows; ++row) {
     slot_of_row[row] = slot_of(answer.body_index[row]);
-    turned[row] = take_body({answer, row, row < complete, count[row], loosest[row]}, slot_of_row[row], parts, now_ns);
+    LocalBody& body = bodies_[slot_of_row[row]];
+    if (!body.used) {
+      body = LocalBody{};
+      body.index = answer.body_index[row];
+      body.place = impulses_.hold(body.index);
+    }
+    body.used = body.named = true;
+    body.group = told.group[row];
+  }
+  for (std::size_t row = 0; row < rigid_rows; ++row) {
+    const bool together = told.group[row] > 0;
+    turned[row] = take_body({answer, row, row < complete, told.count[row], together ? 0.0 : told.loosest_per_kg[row],
+                             together, slot_of_row.first(rigid_rows)},
+                            slot_of_row[row], parts, now_ns);
+  }
+  replay_free(answer, slot_of_row.first(rigid_rows), parts, now_ns, turned);
+}
+
+SinceAnswer LocalWorld::since_answer(const rtbus::ProxyContacts& answer, const LocalBody& body, int parts,
+                                     std::uint64_t now_ns) noexcept {
+  return {answer.device_time_ns,
+          now_ns,
+          parts,
+          tick_s_,
+          impulses_.history(body.place),
+          impulses_.sum(body.place),
+          {other_hands_, answer, body.index},
+          rows_.data(),
+          tuning_,
+          shapes_.known(),
+          world_lag_s_,
+          networked_,
+          proxy_kg_};
+}
+
+/// @param turned Gets the turn of each free body, by row.
+void LocalWorld::replay_free(const rtbus::ProxyContacts& answer, std::span<const std::size_t> slot_of_row, int parts,
+                             std::uint64_t now_ns, std::span<Quaterniond> turned) noexcept {
+  for (std::size_t first = 0; first < slot_of_row.size(); ++first) {
+    const std::size_t group = bodies_[slot_of_row[first]].group;
+    std::array<std::optional<SinceAnswer>, FreeBody::kMostTogether> since;
+    std::array<FreeBody::Replayed, FreeBody::kMostTogether> members;
+    std::array<std::size_t, FreeBody::kMostTogether> rows{};
+    std::size_t count = 0;
+    for (std::size_t row = 0; row < slot_of_row.size(); ++row) {
+      LocalBody& body = bodies_[slot_of_row[row]];
+      auto* const free = body.as<FreeBody>();
+      const bool with_it = row == first || (group > 0 && body.group == group);
+      if (!with_it || free == nullptr || count == members.size()) continue;
+      if (row < first) break;  // it has gone with an earlier one
+      since[count].emplace(since_answer(answer, body, parts, now_ns));
+      members[count] = {free, &body.motion, &*since[count], static_cast<int>(slot_of_row[row])};
+      rows[count++] = row;
+    }
+    if (count == 0) continue;
+    FreeBody::replay({members.data(), count}, supports_);
+    for (std::size_t k = 0; k < count; ++k) turned[rows[k]] = members[k].turned;
   }
 }
 
 Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int parts, std::uint64_t now_ns) noexcept {
   const rtbus::ProxyContacts& answer = told.answer;
   LocalBody& body = bodies_[slot];
-  if (!body.used) {
-    body = LocalBody{};
-    body.index = answer.body_index[told.row];
-    body.place = impulses_.hold(body.index);
-  }
-  body.used = body.named = true;
   body.ladder.replayed();
-  const SinceAnswer since{answer.device_time_ns,
-                          now_ns,
-                          parts,
-                          tick_s_,
-                          impulses_.history(body.place),
-                          impulses_.sum(body.place),
-                          {other_hands_, answer, body.index},
-                          rows_.data(),
-                          tuning_,
-                          shapes_.known(),
-                          world_lag_s_,
-                          networked_,
-                          proxy_kg_};
+  const SinceAnswer since = since_answer(answer, body, parts, now_ns);
   const Impulse then = since.given_at(since.from_ns);
   body.blend = Blend::of(tuning_, answer.step_s);
   Quaterniond turned = Quaterniond::Identity();
@@ -189,7 +278,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     body.blend = Blend::of_pile(tuning_, answer.step_s);
   } else {
     auto& free = body.become<FreeBody>();
-    turned = free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
+    free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
     if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
     if (hand_rests() && free.light_kg(proxy_kg_) > 0.0) body.blend = Blend::of_light_at_rest(tuning_, answer.step_s);
   }

@@ -23,6 +23,8 @@ constexpr double kFastestTurn_rad_s = 100.0;
 constexpr double kTurns = 0.001;
 /// A hand that is nearer to an edge than this share of the proxy's radius turns it too fast to be foreseen.
 constexpr double kNearCore = 0.1;
+/// What would recede for longer was no contact, but an answer that made no sense.
+constexpr double kRecedes_s = 1.0;
 /// Square of the sine of an angle that is none.
 constexpr double kSameDirection = 1e-24;
 
@@ -288,6 +290,10 @@ std::optional<double> ProxyContactSet::take(const TakenAnswer& taken, Bodies bod
     contact = old_[j];
     if (!contact.fades && shapes.is_named(contact.surface)) {
       correction_m = correction_m.value_or(0.0);
+      continue;
+    }
+    if (old_[j].gap_m < -kRecedes_s * tuning_.recovery_m_s) {
+      --count_;
       continue;
     }
     contact.late_m_s.setZero();

@@ -21,6 +21,10 @@ struct Support {
   double round_m = 0.0;  ///< Radius of the body's own surface there, which rolls over it; 0: of an edge or a face.
   Eigen::Vector3d impulse_n_s = Eigen::Vector3d::Zero();
   double torsion_n_m_s = 0.0;
+  int holder =
+      kStands;  ///< Slot of the free body that holds, in the local world; kStands: what holds does not give way.
+  Eigen::Vector3d from_holder_m = Eigen::Vector3d::Zero();  ///< From the centre of that one.
+  static constexpr int kStands = -1;
 };
 
 /// The supports of all free bodies, those of one body in a row.

@@ -45,6 +45,8 @@ struct Tuning {
   /// What answers change in it under a hand at rest is brought in three times as fast.
   [[nodiscard]] constexpr double resting_blend_s() const noexcept { return resting_mean_s() / 3.0; }
   [[nodiscard]] constexpr int most_sweeps() const noexcept { return static_cast<int>(sweeps); }
+  /// Of bodies that push each other.
+  [[nodiscard]] constexpr int together_sweeps() const noexcept { return 2 * most_sweeps(); }
   [[nodiscard]] constexpr int fewest_sweeps() const noexcept { return static_cast<int>(sweeps) / 3; }
 };
 

@@ -1,6 +1,9 @@
 #include "physics_node/bullet/bullet_solver.hpp"
 
 #include <algorithm>
+#include <numeric>
+
+#include "physics_node/engine/contact_set.hpp"
 
 namespace physics::bullet {
 namespace {
@@ -57,12 +60,15 @@ void BulletSolver::convertContacts(btPersistentManifold** manifolds, int count, 
     const btCollisionObject& a = *manifolds[i]->getBody0();
     const btCollisionObject& b = *manifolds[i]->getBody1();
     // A hand's proxy keeps Bullet's friction: wedged between static bodies it rattled with two rows.
-    const bool alone = (stands(a) && is_body(b) && !in_pile(b)) || (stands(b) && is_body(a) && !in_pile(a));
+    const auto holds = [this](const btCollisionObject& body) {
+      return stands(body) || (is_body(body) && !in_pile(body));
+    };
+    const bool exact = holds(a) && holds(b);
     const int first = m_tmpSolverContactConstraintPool.size();
-    convertContact(manifolds[i], alone ? two_directions : info);
+    convertContact(manifolds[i], exact ? two_directions : info);
     for (int j = first; j < m_tmpSolverContactConstraintPool.size(); ++j) {
-      start_friction(m_tmpSolverContactConstraintPool[j], alone);
-      two_rows_.push_back(alone);
+      start_friction(m_tmpSolverContactConstraintPool[j], exact);
+      two_rows_.push_back(exact);
     }
   }
   any_two_rows_ = std::find(two_rows_.begin(), two_rows_.end(), true) != two_rows_.end();
@@ -70,13 +76,40 @@ void BulletSolver::convertContacts(btPersistentManifold** manifolds, int count, 
 
 /// All manifolds of a body come in one call: it is in one island.
 void BulletSolver::find_piles(btPersistentManifold** manifolds, int count) {
-  in_pile_.assign(static_cast<std::size_t>(m_tmpSolverBodyPool.size()), false);
+  const auto bodies = static_cast<std::size_t>(m_tmpSolverBodyPool.size());
+  group_.resize(bodies);
+  std::iota(group_.begin(), group_.end(), std::size_t{0});
+  std::vector<std::size_t> size(bodies, 1);
+  std::vector<btScalar> least(bodies), most(bodies);  // inverse mass
+  for (std::size_t i = 0; i < bodies; ++i) {
+    const btRigidBody* const body = m_tmpSolverBodyPool[static_cast<int>(i)].m_originalBody;
+    least[i] = most[i] = body != nullptr ? body->getInvMass() : 0;
+  }
   for (int i = 0; i < count; ++i) {
     if (!joins_pile(*manifolds[i])) continue;
-    for (const btCollisionObject* body : {manifolds[i]->getBody0(), manifolds[i]->getBody1()}) {
-      if (body->getCompanionId() >= 0) in_pile_[static_cast<std::size_t>(body->getCompanionId())] = true;
+    const int a = manifolds[i]->getBody0()->getCompanionId(), b = manifolds[i]->getBody1()->getCompanionId();
+    if (a < 0 || b < 0) {  // one that moves by itself
+      if (a >= 0 || b >= 0) size[group_of(std::max(a, b))] += kMostTogether;
+      continue;
     }
+    const std::size_t from = group_of(a), into = group_of(b);
+    if (from == into) continue;
+    group_[from] = into;
+    size[into] += size[from];
+    least[into] = std::min(least[into], least[from]);
+    most[into] = std::max(most[into], most[from]);
   }
+  in_pile_.resize(bodies);
+  for (std::size_t i = 0; i < bodies; ++i) {
+    const std::size_t group = group_of(static_cast<int>(i));
+    in_pile_[i] = size[group] > kMostTogether || most[group] > kMostMassRatio * least[group];
+  }
+}
+
+std::size_t BulletSolver::group_of(int body) {
+  auto group = static_cast<std::size_t>(body);
+  while (group_[group] != group) group = group_[group] = group_[group_[group]];
+  return group;
 }
 
 bool BulletSolver::in_pile(const btCollisionObject& body) const {
@@ -95,6 +128,12 @@ void BulletSolver::start_friction(const btSolverConstraint& contact, bool two_ro
   auto& point = *static_cast<btManifoldPoint*>(contact.m_originalContactPoint);
   if (!two_rows) {
     point.m_appliedImpulseLateral2 = 0;
+    return;
+  }
+  // Between two that both move it begins at zero: with that of the last step stacks of a gram rattle.
+  const auto moves = [this](int id) { return m_tmpSolverBodyPool[id].m_originalBody != nullptr; };
+  if (moves(contact.m_solverBodyIdA) && moves(contact.m_solverBodyIdB)) {
+    point.m_appliedImpulseLateral1 = point.m_appliedImpulseLateral2 = 0;
     return;
   }
   const btScalar last[2] = {point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2};

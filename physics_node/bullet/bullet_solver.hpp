@@ -1,6 +1,7 @@
 #pragma once
 /// @file bullet_solver.hpp
 /// Bullet's contact solver with bounces as high as their restitution says, and friction that holds.
+#include <cstddef>
 #include <vector>
 
 #include <btBulletDynamicsCommon.h>
@@ -14,8 +15,8 @@ namespace physics::bullet {
 ///
 /// Friction. Bullet gives a contact point one row of friction, along the slip of the step before, and starts it from
 /// zero. A block that a hand pushed below the bound crept, because the slip of a block at rest is noise: the row stood
-/// across the push. Here a point of a body that touches nothing but static bodies and hands has two fixed directions on
-/// what stands, its impulse begins with that of the last step, and both parts together stay within the friction cone.
+/// across the push. Here a point between bodies that touch few others (kMostTogether) has two fixed directions,
+/// its impulse begins with that of the last step, and both parts together stay within the friction cone.
 /// One step length for both directions keeps the impulse of a point that slides opposite to its slip (projected
 /// Gauss-Seidel on a disc; M. Jean, "The non-smooth contact dynamics method", CMAME 177, 1999). All normal impulses of
 /// an iteration come before all friction: interleaved, a block at 80 % of the bound crept five to forty times as far.
@@ -37,6 +38,7 @@ class BulletSolver final : public btSequentialImpulseConstraintSolver {
                                          const btContactSolverInfo& info) override;
 
   void find_piles(btPersistentManifold** manifolds, int count);
+  [[nodiscard]] std::size_t group_of(int body);
   [[nodiscard]] bool in_pile(const btCollisionObject& body) const;
   void start_friction(const btSolverConstraint& contact, bool two_rows);
   void shuffle(btAlignedObjectArray<int>& order, int count);
@@ -46,8 +48,9 @@ class BulletSolver final : public btSequentialImpulseConstraintSolver {
   void push(btSolverConstraint& row, btScalar impulse);
 
   bool any_two_rows_ = false;
-  std::vector<bool> two_rows_;  ///< Of each contact.
-  std::vector<bool> in_pile_;   ///< By the solver's number of a body, for the step that is being solved.
+  std::vector<bool> two_rows_;      ///< Of each contact.
+  std::vector<std::size_t> group_;  ///< By the solver's number of a body: one that is nearer to the head of its group.
+  std::vector<bool> in_pile_;       ///< By the solver's number of a body, for the step that is being solved.
 };
 
 }  // namespace physics::bullet

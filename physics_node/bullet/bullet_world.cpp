@@ -332,13 +332,6 @@ void BulletWorld::after_dynamics(double) {}
 bool BulletWorld::touched_last(std::size_t) const { return false; }
 void BulletWorld::add_more_contacts(std::size_t, double, ContactSet&) const {}
 
-bool BulletWorld::in_pile(const btRigidBody& body) {
-  btPersistentManifold* const* const manifolds = dispatcher_.getInternalManifoldPointer();
-  return std::any_of(manifolds, manifolds + dispatcher_.getNumManifolds(), [&body](const btPersistentManifold* each) {
-    return (each->getBody0() == &body || each->getBody1() == &body) && BulletSolver::joins_pile(*each);
-  });
-}
-
 void BulletWorld::step(double step_s) {
   if (!std::isfinite(step_s) || step_s <= 0.0) return;
   const double h = std::clamp(step_s, kMinStepS, kMaxStepS);
@@ -359,7 +352,7 @@ void BulletWorld::step(double step_s) {
     rigid.applyCentralForce(to_bullet(push.force_n, scale_));
     // Not as a torque: Bullet's friction leaves out what a torque does within the step, and a block that is pushed
     // beside its centre crept by h·r×(I⁻¹τ) in each step. Piles stay as they are (docs/decisions/0020).
-    if (in_pile(rigid)) {
+    if (together_with(rigid).empty()) {
       rigid.applyTorque(to_bullet(push.torque_n_m, scale_ * scale_));
     } else {
       rigid.applyTorqueImpulse(to_bullet(Vector3d(h * push.torque_n_m), scale_ * scale_));

@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -136,8 +137,8 @@ class BulletWorld : public World {
     [[nodiscard]] rtbus::config::PlacedAt after(double time_s, double step_s) const;
   };
   void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
-  /// As of the last step.
-  [[nodiscard]] bool in_pile(const btRigidBody& body);
+  /// As of the last step. @returns with the body itself; empty: they are a pile.
+  [[nodiscard]] std::vector<const btRigidBody*> together_with(const btRigidBody& body) const;
   void place_moving(double h);
   void take_out(BulletProxy& proxy);
   void drop_tool(std::size_t proxy);
@@ -147,9 +148,14 @@ class BulletWorld : public World {
   [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
   /// @param light Those of bodies that yield to tools, or those of the others.
   void find_contacts(const btRigidBody& body, double radius, double radius_m, bool light, FoundContacts& out) const;
+  void add_near(std::vector<const btRigidBody*>& group) const;
+  void add_near_supports(const std::vector<bool>& together, ContactSet& out) const;
+  /// Adds the bodies that are told together with those of `out`. @returns which rows are told so.
+  std::vector<bool> add_companions(ContactSet& out) const;
+  [[nodiscard]] std::span<btPersistentManifold* const> all_manifolds() const;
   void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
   void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first, std::uint32_t row,
-                   ContactSet& out) const;
+                   bool together, ContactSet& out) const;
   void set_thresholds(const rtbus::config::Body& body, btRigidBody& rigid) const;
   [[nodiscard]] std::uint32_t contacts_of(const btRigidBody& body);
 

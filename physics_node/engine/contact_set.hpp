@@ -32,7 +32,7 @@ struct Contact {
 /// mass is the node's, velocities are zero. What a soft body does to a placed tool is told besides (ToolReaction).
 enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2, kSoft = 3 };
 
-/// A body behind at least one contact.
+/// A body behind at least one contact, or one that such a body touches.
 struct BodyBehind {
   std::uint32_t body = 0;  ///< In the scene's order (World::body_pose).
   BodyKind kind = BodyKind::kStatic;
@@ -58,17 +58,19 @@ struct BodyBehind {
   Eigen::Vector3d proxy_force_n = Eigen::Vector3d::Zero();  ///< By this proxy, on the body.
 };
 
-/// What supports a body behind a contact: another body that pushes on it, its contact points taken together. An edge on
-/// what no force moves is two, its ends. A support is a contact with gap 0.
+/// What supports a body behind a contact: another body that pushes on it, its contact points taken together. An edge is
+/// two, its ends, but in a pile. A support is a contact with gap 0.
 struct Support {
-  std::uint32_t row = 0;                                           ///< Of the supported body, in ContactSet::bodies.
+  std::uint32_t row = 0;     ///< Of the supported body, in ContactSet::bodies.
+  std::uint32_t holder = 0;  ///< Row of what holds it, plus 1, if both are told together (kMostTogether); 0: it is not.
   Eigen::Vector3d point_m = Eigen::Vector3d::Zero();               ///< Mean of the points, weighted by their forces.
   Eigen::Vector3d normal = Eigen::Vector3d::UnitY();               ///< Unit, towards the supported body.
-  double normal_force_n = 0.0;                                     ///< > 0.
+  double normal_force_n = 0.0;                                     ///< > 0; with a holder also 0: it touches.
   double friction = 0.0;                                           ///< Coulomb coefficient of the pair [1].
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< Of what holds, at the point.
   double inverse_mass_per_kg = 0.0;                                ///< Of what holds; 0: no force moves it.
   /// Contact points that carry: 1 is a point, 2 an edge, more are a patch. Face on face is a patch with however many.
+  /// 0: it is near its holder, and does not touch it.
   std::uint32_t points = 0;
 };
 
@@ -96,14 +98,24 @@ struct ToolReaction {
 /// Upper limits, which bound the message and the work of the solver.
 inline constexpr std::size_t kMaxContacts = 16;
 inline constexpr std::size_t kMaxSupports = 32;
+/// So many dynamic bodies that touch each other are told together: each has a row, be it near the proxy or not, and
+/// where two of them touch is one support, of either, with the other as its holder. More of them are a pile, and so are
+/// those of which one is more than so many times as heavy as another: an engine does not find the forces among these
+/// within a step, and they rattle.
+inline constexpr std::size_t kMostTogether = 3;
+inline constexpr double kMostMassRatio = 10.0;
+/// Boxes that are so near to each other are told together as if they touched, by a support of no points.
+inline constexpr double kNearTogether_m = 10e-3;
 
 /// What is near the proxy: the contact constraints and the bodies behind them.
 struct ContactSet {
   double radius_m = 0.0;        ///< All contacts within this distance are listed, or counted as overflow.
   double proxy_radius_m = 0.0;  ///< As the engine sees it.
   double proxy_mass_kg = 0.0;
-  std::vector<Contact> contacts;   ///< By gap, the nearest first; those of soft bodies after all others.
-  std::vector<BodyBehind> bodies;  ///< One row for each body, in the order of its nearest contact; soft ones last.
+  std::vector<Contact> contacts;  ///< By gap, the nearest first; those of soft bodies after all others.
+  /// One row for each body, in the order of its nearest contact; then those that are told together with one of them;
+  /// soft ones last.
+  std::vector<BodyBehind> bodies;
   std::vector<Support> supports;
   std::uint32_t contacts_overflow = 0;  ///< Contacts within the radius that did not fit: the farthest.
   std::uint32_t supports_overflow = 0;

@@ -10,70 +10,25 @@
 #include <string>
 #include <vector>
 
-#include "tools/harness/harness.hpp"
+#include "tests/harness/push.hpp"
 
 #if RTBUS_WITH_BULLET
 namespace free_box {
 namespace {
 
+using tests::apart_n;
+using tests::kConverged;
+using tests::kPhysics_hz;
+using tests::physics_at;
+using tests::push;
+using tests::Push;
+using tests::Pushed;
+
 constexpr double kGravity_m_s2 = 9.81;
-constexpr const char* kPhysics_hz[] = {"100", "43", "18"};
 const std::string kFloor = "{name: floor, type: static, shape: {plane: {}}, friction: 0.5}";
 const std::string kBox =
     ", {name: box, type: dynamic, mass_kg: 0.2, shape: {box: {size_m: [0.04, 0.04, 0.04]}}, position_m: [0, 0.02, 0], "
     "friction: 0.5}";
-
-/// A push along −z that begins after a second. The second body is the box.
-struct Push {
-  std::string bodies, start_m;
-  double distance_m, speed_m_s, duration_s;
-  double tip_friction = 0.5;
-};
-
-struct Pushed {
-  std::vector<double> force_n;   ///< On the hand along z, once a millisecond.
-  std::vector<double> across_n;  ///< Across z, likewise.
-  double tips_s = 0.0;           ///< When the box had turned by 1 mrad.
-  double left_s = 0.0;           ///< When the box was `below_m` under where it began.
-  physics::BodyPose last;
-};
-
-Pushed push(const Push& how, std::vector<std::string> more, double below_m = 1.0) {
-  more.insert(more.begin(),
-              {"scene={schema: scene/1, gravity_m_s2: [0, -9.81, 0], bodies: [" + how.bodies + "]}",
-               "haptic.0.method=local_contact", "haptic.0.coupling={stiffness_n_per_m: 400, damping_n_s_per_m: 0.5}",
-               "haptic.0.proxy={mass_kg: 0.1, radius_m: 0.005, friction: " + std::to_string(how.tip_friction) + "}",
-               "haptic.0.mapping={offset_m: " + how.start_m + "}",
-               "haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: push, "
-               "impedance: firm, start_m: [0, 0, 0], direction: [0, 0, -1], start_s: 1, distance_m: " +
-                   std::to_string(how.distance_m) + ", speed_m_s: " + std::to_string(how.speed_m_s) + "}}"});
-  std::vector<rtbus::config::Override> overrides;
-  for (const std::string& text : more) overrides.push_back(rtbus::config::parse_override(text));
-  auto settings = rtbus::config::load_session(std::string(RTBUS_SOURCE_DIR) + "/config/free_block.yaml", overrides);
-  tools::Harness harness(settings, {});
-  const auto every = static_cast<std::uint64_t>(std::llround(harness.config().rate_hz / 1000.0));
-  Pushed out;
-  double began_m = 0.0;
-  harness.run(how.duration_s, [&](const rtbus::Telemetry& tick) {
-    if (tick.tick % every != 0) return;
-    out.force_n.push_back(tick.force_n[2]);
-    out.across_n.push_back(std::hypot(tick.force_n[0], tick.force_n[1]));
-    const physics::BodyPose box = harness.stepper()->world().body_pose(1);
-    const double height_m = box.position_m.y();
-    if (out.tips_s == 0.0 && box.orientation.angularDistance(Eigen::Quaterniond::Identity()) > 1e-3) {
-      out.tips_s = harness.now_s();
-    }
-    if (harness.now_s() < 0.9) began_m = height_m;
-    if (out.left_s == 0.0 && harness.now_s() > 0.9 && height_m < began_m - below_m) out.left_s = harness.now_s();
-  });
-  out.last = harness.stepper()->world().body_pose(1);
-  return out;
-}
-
-std::vector<std::string> physics_at(const char* hz) {
-  return {"physics.rate_hz=1000", std::string("physics.throttle_hz=") + hz};
-}
-const std::vector<std::string> kConverged{"haptic.0.rate_hz=10000", "physics.rate_hz=10000"};
 
 // F·h = m·g·d/2 about the edge, without friction of the tip, which would pull at the face that rises. The hand is slow:
 // its speed times √(K·m) comes on top. As a patch that cannot tilt the box resisted with all its friction.
@@ -168,13 +123,6 @@ TEST(FreeBox, PushedStraightByAHandWithFastPhysicsIsNotFeltAcross) {
     EXPECT_GT(push_n_ms, 300.0) << "it slides under the push";
     EXPECT_LE(across_n_ms, 0.05 * push_n_ms) << each.what;
   }
-}
-
-// The worst difference of the force along z.
-double apart_n(const Pushed& a, const Pushed& b) {
-  double worst_n = 0.0;
-  for (std::size_t i = 0; i < a.force_n.size(); ++i) worst_n = std::max(worst_n, std::abs(a.force_n[i] - b.force_n[i]));
-  return worst_n;
 }
 
 // Physics told that a wall holds it only after it had met the wall: until then the box went on, and the force was 0.8 N

@@ -1,6 +1,7 @@
 /// What Bullet says about bodies behind the contacts, against closed forms.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -271,6 +272,73 @@ TEST(BulletContacts, OfAFineMeshLeaveRoomForWhatIsBehindThem) {
         std::min(nearest_m, (proxy_m - rtbus::shapes::nearest_on_triangle(proxy_m, {v[a], v[b], v[c]}, part)).norm());
   }
   EXPECT_NEAR(set.contacts[0].gap_m, nearest_m - kRadiusM, 1e-7);
+}
+
+/// A proxy in front of the lowest of some boxes on each other.
+ContactSet stacked(const std::vector<double>& masses_kg) {
+  constexpr double kEdge_m = 0.04;
+  rtbus::config::Scene scene = tests::floor_scene();
+  scene.deactivation.enabled = false;
+  for (std::size_t i = 0; i < masses_kg.size(); ++i) {
+    scene.bodies.push_back(body("box" + std::to_string(i), rtbus::shapes::Box{Vector3d::Constant(0.5 * kEdge_m)},
+                                {0, (static_cast<double>(i) + 0.5) * kEdge_m, -0.5 * kEdge_m}, masses_kg[i]));
+  }
+  const auto world = bullet(scene, 30);
+  world->add_proxy({"haptic0", 0.1, kRadiusM, 0.0, {0, 0.5 * kEdge_m, kRadiusM + 0.001}});
+  for (int i = 0; i < 500; ++i) world->step(1e-3);
+  return ask(*world);
+}
+
+// What the near body carries is told though it is out of reach, and where both touch is told once.
+TEST(BulletContacts, TellAFewBodiesTogether) {
+  const ContactSet set = stacked({0.2, 0.1, 0.3});
+  ASSERT_EQ(set.contacts.size(), 1U);
+  ASSERT_EQ(set.bodies.size(), 3U);
+  EXPECT_EQ(set.bodies[0].body, 1U);
+  ASSERT_EQ(set.supports.size(), 3U);
+  std::vector<double> borne_kg(4, 0.0);
+  for (const physics::Support& support : set.supports) {
+    const bool on_floor = support.holder == 0;
+    const double up = support.normal.y();
+    EXPECT_NEAR(std::abs(up), 1.0, 1e-4);
+    const std::uint32_t upper = up > 0.0 ? support.row : support.holder - 1;
+    const std::uint32_t body = set.bodies[upper].body;
+    EXPECT_EQ(on_floor, body == 1U);
+    borne_kg[body] = support.normal_force_n / kGravity;
+  }
+  EXPECT_NEAR(borne_kg[1], 0.6, 0.02);
+  EXPECT_NEAR(borne_kg[2], 0.4, 0.02);
+  EXPECT_NEAR(borne_kg[3], 0.3, 0.02);
+}
+
+// More of them, or of unequal masses, are a pile, of which the near one is told alone.
+TEST(BulletContacts, TellOfAPileWhatIsNear) {
+  for (const std::vector<double>& masses_kg :
+       {std::vector<double>{0.1, 0.1, 0.1, 0.1}, std::vector<double>{0.02, 0.3}}) {
+    const ContactSet set = stacked(masses_kg);
+    EXPECT_EQ(set.bodies.size(), 1U) << masses_kg.size();
+    for (const physics::Support& support : set.supports) EXPECT_EQ(support.holder, 0U) << masses_kg.size();
+  }
+}
+
+// A box that is pushed meets the next one before an answer can tell that it did.
+TEST(BulletContacts, TellABoxThatIsNearTheOne) {
+  for (const double gap_m : {0.005, 0.02}) {
+    BlockOnFloor block;
+    block.scene.bodies.push_back(body("next", rtbus::shapes::Box{{0.03, 0.02, 0.02}}, {0, 0.02, -0.06 - gap_m}, 0.5));
+    block.world = bullet(block.scene, 20);
+    block.world->add_proxy({"haptic0", 0.1, kRadiusM, 0.0, {0, 0.02, kRadiusM + 0.001}});
+    block.world->step(1e-3);
+    const ContactSet set = ask(*block.world);
+    const auto near = std::find_if(set.supports.begin(), set.supports.end(),
+                                   [](const physics::Support& support) { return support.holder > 0; });
+    ASSERT_EQ(near != set.supports.end(), gap_m < physics::kNearTogether_m) << gap_m;
+    EXPECT_EQ(set.bodies.size(), near != set.supports.end() ? 2U : 1U);
+    if (near == set.supports.end()) continue;
+    EXPECT_EQ(near->points, 0U);
+    EXPECT_EQ(near->normal_force_n, 0.0);
+    EXPECT_EQ(set.bodies[near->row].body + set.bodies[near->holder - 1].body, 3U);
+  }
 }
 
 TEST(BulletContacts, LeaveAStackBitIdentical) {

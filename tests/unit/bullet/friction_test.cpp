@@ -63,4 +63,32 @@ TEST(BulletFriction, LetsItSlideAboveTheBoundAsFastAsCoulombSays) {
   }
 }
 
+// A box that carries one of its own weight is held by the friction of both. With Bullet's own it crept by millimetres.
+TEST(BulletFriction, HoldsABoxThatCarriesAnother) {
+  rtbus::config::Scene scene = tests::floor_scene();
+  for (const double y_m : {0.02, 0.06}) {
+    scene.bodies.push_back(tests::body("box" + std::to_string(scene.bodies.size()),
+                                       rtbus::shapes::Box{Vector3d::Constant(0.02)}, {0, y_m, 0}, kBlockKg));
+  }
+  for (rtbus::config::Body& each : scene.bodies) each.friction = std::sqrt(kPairFriction);
+  const auto world = tests::bullet(scene);
+  const std::size_t proxy = world->add_proxy({"haptic0", 0.1, 0.005, 0.0, {0, 0.2, 0}});
+  world->place_proxy(proxy, {0, 0.2, 0}, Vector3d::Zero());
+  const auto push = [&](std::size_t body, double bounds, double seconds) {
+    const Vector3d force_n = bounds * kBoundN * Vector3d(1, 0, 1).normalized();
+    for (int i = 0; i < std::lround(seconds / kPartS); ++i) {
+      world->apply_hand_force(proxy, body, force_n, Vector3d(0, 0.008, 0).cross(force_n));
+      world->step(kPartS);
+    }
+    return world->body_pose(body).position_m;
+  };
+  push(1, 0.0, 0.2);
+  for (const auto& [body, bounds] : {std::pair{1U, 1.6}, std::pair{2U, 0.8}}) {  // both of them, the upper one alone
+    const Vector3d before = push(body, bounds, 0.5);
+    const double crept_m = (push(body, bounds, 4.0) - before).norm();
+    std::printf("body %u crept by %.2f um\n", body, 1e6 * crept_m);
+    EXPECT_LE(crept_m, 100e-6) << body;
+  }
+}
+
 }  // namespace

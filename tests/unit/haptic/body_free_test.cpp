@@ -45,7 +45,10 @@ Eigen::Quaterniond replay(const rtbus::ProxyContacts& answer, double age_s, int 
   SupportPool supports, before;
   supports.spare = SupportPool::kSupports - 1;
   haptic::FreeBody body;
-  return body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, before, motion);
+  body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, before, motion);
+  std::array<haptic::FreeBody::Replayed, 1> alone{{{&body, &motion, &since}}};
+  haptic::FreeBody::replay(alone, supports);
+  return alone[0].turned;
 }
 
 /// @returns how far it has turned, towards +x.
@@ -135,7 +138,7 @@ TEST(FreeBody, ACornerGoesOnWithWhatItBore) {
   const auto take = [&](const Eigen::Quaterniond& turn, SupportPool& supports, const SupportPool& old) {
     supports.spare = SupportPool::kSupports - 1;
     answer.body_orientation_wxyz[0] = {turn.w(), turn.x(), turn.y(), turn.z()};
-    (void)body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, old, motion);
+    body.take({answer, 0, true, 1, 0.0}, since, 0.0, supports, old, motion);
     ASSERT_EQ(supports.count, 4U);
   };
   const Eigen::Quaterniond about_x(Eigen::AngleAxisd(1e-9, Vector3d::UnitX()));
@@ -171,12 +174,12 @@ TEST(FreeBody, GoesOnWithWhatTheNearestSupportBore) {
   haptic::FreeBody body;
   haptic::BodyMotion motion;
   SupportPool before, after;
-  (void)body.take({answer, 0, true, 2, 0.0}, since, 0.0, before, after, motion);
+  body.take({answer, 0, true, 2, 0.0}, since, 0.0, before, after, motion);
   ASSERT_EQ(before.count, 2U);
   before.rows[0].impulse_n_s = {0.0, 1.0, 0.0};
   before.rows[1].impulse_n_s = {0.0, 2.0, 0.0};
   std::swap(answer.support_point_m[0], answer.support_point_m[1]);
-  (void)body.take({answer, 0, true, 2, 0.0}, since, 0.0, after, before, motion);
+  body.take({answer, 0, true, 2, 0.0}, since, 0.0, after, before, motion);
   ASSERT_EQ(after.count, 2U);
   EXPECT_EQ(after.rows[0].impulse_n_s.y(), 2.0);
   EXPECT_EQ(after.rows[1].impulse_n_s.y(), 1.0);

@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 
 #include "haptic_node/rendering/body_motion.hpp"
 
@@ -150,6 +153,52 @@ TEST(ContactSolver, ABlockThatStandsTakesOneSweepInATick) {
   }
   EXPECT_EQ(sweeps, 1);
   EXPECT_LT(stands.body.velocity_m_s.norm(), 2.0 * haptic::kTolerance_m_s);
+}
+
+/// Three blocks on each other, on four corners each; the one in the middle is pushed aside, and all begin from nothing.
+struct StackOfThree {
+  static constexpr std::size_t kBlocks = 3, kCorners = 4 * kBlocks;
+  std::array<SolverBody, kBlocks> bodies;
+  std::array<SolverContact, kCorners> corners;
+
+  StackOfThree() {
+    for (std::size_t k = 0; k < kBlocks; ++k) {
+      bodies[k] = block({k == 1 ? 0.02 : 0.0, 0, 0});
+      bodies[k].inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Identity() / 2e-5;
+      for (std::size_t i = 0; i < 4; ++i) {
+        SolverContact& corner = corners[4 * k + i];
+        corner = floor_of(0.3);
+        corner.a = static_cast<int>(k);
+        corner.from_a_m = Vector3d(i % 2 == 0 ? 0.02 : -0.02, -0.02, i < 2 ? 0.02 : -0.02);
+        if (k == 0) continue;
+        corner.b = static_cast<int>(k) - 1;
+        corner.from_b_m = corner.from_a_m + Vector3d(0, 0.04, 0);
+      }
+    }
+    haptic::prepare_contacts(bodies.data(), corners.data(), kCorners);
+  }
+  /// The largest velocity by which a block differs.
+  [[nodiscard]] double off_m_s(const StackOfThree& other) const {
+    double worst = 0.0;
+    for (std::size_t k = 0; k < kBlocks; ++k) {
+      worst = std::max({worst, (bodies[k].velocity_m_s - other.bodies[k].velocity_m_s).norm(),
+                        0.02 * (bodies[k].angular_velocity_rad_s - other.bodies[k].angular_velocity_rad_s).norm()});
+    }
+    return worst;
+  }
+};
+
+// One sweep after the other brings a stack to rest slowly.
+TEST(ContactSolver, GoesOnAlongItsWaysWhereBodiesPushEachOther) {
+  constexpr int kSweeps = 24;
+  StackOfThree exact, plain, together;
+  haptic::relax_contacts(exact.bodies.data(), exact.corners.data(), StackOfThree::kCorners, 100'000, 1e-14);
+  haptic::relax_contacts(plain.bodies.data(), plain.corners.data(), StackOfThree::kCorners, kSweeps, 1e-12);
+  haptic::relax_together(together.bodies.data(), together.corners.data(), StackOfThree::kCorners, kSweeps, 1e-12);
+  std::printf("off the solution after %d sweeps: %.2e m/s, along their ways %.2e m/s\n", kSweeps, plain.off_m_s(exact),
+              together.off_m_s(exact));
+  EXPECT_LT(together.off_m_s(exact), 0.1 * plain.off_m_s(exact));
+  EXPECT_LT(together.off_m_s(exact), 1e-4);
 }
 
 // Friction acts against the slip of each of its points: the faster a patch slides, the less of that is for its spin.

@@ -1,5 +1,5 @@
-/// Claim j of `rtbus evaluate local-contact`: free bodies that turn, tip, roll, slide off a table and stand on each
-/// other.
+/// Claim j of `rtbus evaluate local-contact`: free bodies that turn, tip, roll, slide off a table, stand on each
+/// other and push each other.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -57,7 +57,19 @@ std::vector<FreeCase> free_cases() {
                "shape: {box: {size_m: [0.04, 0.02, 0.04]}}, position_m: [0, 0.03, 0], friction: 0.5}, "
                "{name: top, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.04, 0.02, 0.04]}}, "
                "position_m: [0, 0.05, 0], friction: 0.5}]",
-           "[0, 0.07, 0]", "[0.2, -1, 0]", 0.01, 0.02, 3.0}};
+           "[0, 0.07, 0]", "[0.2, -1, 0]", 0.01, 0.02, 3.0},
+          {"carries", "a box that carries another, pushed",
+           "[" + floor +
+               ", {name: low, type: dynamic, mass_kg: 0.2, shape: {box: {size_m: [0.04, 0.03, 0.04]}}, "
+               "position_m: [0, 0.015, 0], friction: 0.7}, {name: high, type: dynamic, mass_kg: 0.2, "
+               "shape: {box: {size_m: [0.04, 0.03, 0.04]}}, position_m: [0, 0.045, 0], friction: 0.7}]",
+           "[0, 0.015, 0.03]", "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
+          {"row", "a box pushed against another",
+           "[" + floor +
+               ", {name: near, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.04, 0.03, 0.04]}}, "
+               "position_m: [0, 0.015, 0], friction: 0.7}, {name: far, type: dynamic, mass_kg: 0.3, "
+               "shape: {box: {size_m: [0.04, 0.03, 0.04]}}, position_m: [0, 0.015, -0.055], friction: 0.7}]",
+           "[0, 0.015, 0.03]", "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0}};
 }
 
 HandRun push(const LocalContactOptions& options, const FreeCase& each, const std::vector<std::string>& more) {
