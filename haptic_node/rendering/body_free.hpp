@@ -72,7 +72,9 @@ class FreeBody {
   std::size_t add_rows(const BodyMotion& motion, const HolderIn& holder_in, SupportPool& supports, double h,
                        SolverContact* rows, std::size_t first) noexcept {
     if (self_ >= 0) {
-      corners_.place_holders([&](int slot) -> const BodyMotion& { return holder_in(slot).motion; });
+      corners_.place_holders([&](int slot) {
+        return holder_in(slot).template as<FreeBody>() != nullptr ? &holder_in(slot).motion : nullptr;
+      });
     }
     const std::size_t count = add_own_rows(motion, supports, h, rows, first);
     for (std::size_t i = 0; i < count; ++i) {

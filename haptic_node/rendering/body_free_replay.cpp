@@ -56,6 +56,7 @@ class FreeBody::Replay {
   [[nodiscard]] std::span<Member> members() noexcept { return {members_.data(), count_}; }
   [[nodiscard]] const SinceAnswer& since() const noexcept { return *members_[0].of->since; }
   [[nodiscard]] int index_of(int slot) const noexcept;
+  void place_holders(FreeBody& body) const noexcept;
   [[nodiscard]] bool begin() noexcept;
   void begin_rows(Member& member, double h) noexcept;
   void follow_corners(double h, double ahead_s) noexcept;
@@ -87,6 +88,18 @@ int FreeBody::Replay::index_of(int slot) const noexcept {
     if (members_[k].of->slot == slot) return static_cast<int>(k);
   }
   return SolverContact::kFixed;
+}
+
+/// Faces on which corners of that body lie go with what holds them, as far as that has come.
+void FreeBody::Replay::place_holders(FreeBody& body) const noexcept {
+  BodyMotion there;
+  body.corners_.place_holders([&](int slot) -> const BodyMotion* {
+    const int holder = index_of(slot);
+    if (holder < 0) return nullptr;
+    there = members_[static_cast<std::size_t>(holder)].motion();
+    there.q_WB = members_[static_cast<std::size_t>(holder)].turned * there.q_WB;
+    return &there;
+  });
 }
 
 /// Finds when it begins. @returns whether that is before now.
@@ -145,12 +158,7 @@ void FreeBody::Replay::follow_corners(double h, double ahead_s) noexcept {
     for (Member& each : members()) {
       FreeBody& body = each.body();
       if (body.corners_.lies()) {
-        body.corners_.place_holders([&](int slot) {
-          const Member& holder = members_[static_cast<std::size_t>(index_of(slot))];
-          BodyMotion there = holder.motion();
-          there.q_WB = holder.turned * there.q_WB;
-          return there;
-        });
+        place_holders(body);
         body.corners_.find(each.motion().centre_m, each.turned * each.motion().q_WB, supports_);
       }
       each.found_m = each.motion().centre_m;
@@ -279,13 +287,14 @@ bool FreeBody::Replay::hold_what_is_blocked() noexcept {
   }
   if (!any) return false;
   for (Member& each : members()) {
+    each.turned.setIdentity();
     each.motion() = each.told;
     if (each.blocked) each.motion().angular_velocity_rad_s.setZero();
   }
   for (Member& each : members()) {  // their corners have gone with them
     CornerSupports& corners = each.body().corners_;
     if (!corners.lies()) continue;
-    corners.place_holders([&](int slot) { return members_[static_cast<std::size_t>(index_of(slot))].motion(); });
+    place_holders(each.body());
     corners.find(each.motion().centre_m, each.motion().q_WB, supports_);
   }
   return true;

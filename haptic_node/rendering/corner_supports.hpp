@@ -40,14 +40,15 @@ class CornerSupports {
   bool lie_down(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion,
                 std::span<const Support> before, std::size_t first, SupportPool& supports) noexcept RTBUS_NONBLOCKING;
 
-  /// What holds it and moves is where `motion_of(slot)` has it.
+  /// What holds it and moves is where `*motion_of(slot)` has it; nullptr: where it was, nothing free is there any more.
   template <class MotionOf>
   void place_holders(const MotionOf& motion_of) noexcept {
     for (std::size_t i = 0; lies_ && i < face_count_; ++i) {
       if (faces_[i].holder == Support::kStands) continue;
-      const BodyMotion& motion = motion_of(faces_[i].holder);
-      faces_[i].moves.q_WB = motion.q_WB;
-      faces_[i].moves.p_WB = motion.centre_m;
+      const BodyMotion* const motion = motion_of(faces_[i].holder);
+      if (motion == nullptr) continue;
+      faces_[i].moves.q_WB = motion->q_WB;
+      faces_[i].moves.p_WB = motion->centre_m;
     }
   }
 

@@ -133,11 +133,11 @@ std::size_t LocalWorld::solve_once(double h, double tolerance_m_s, bool again) n
   if (rows == 0) return 0;
   const int sweeps = std::clamp(static_cast<int>(tuning_.row_budget) / static_cast<int>(rows), tuning_.fewest_sweeps(),
                                 tuning_.most_sweeps());
-  prepare_contacts(solver_bodies_.data(), rows_.data(), rows);
   if (group_moves_) {
+    prepare_contacts(solver_bodies_.data(), rows_.data(), rows);
     relax_together(solver_bodies_.data(), rows_.data(), rows, tuning_.together_sweeps(), tolerance_m_s);
   } else {
-    relax_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps, tolerance_m_s);
+    solve_contacts(solver_bodies_.data(), rows_.data(), rows, sweeps, tolerance_m_s);
   }
   return rows;
 }

@@ -2,7 +2,6 @@
 /// solver left in the manifolds; runs no collision query of Bullet's and changes nothing.
 #include <algorithm>
 #include <cmath>
-#include <span>
 #include <vector>
 
 #include "physics_node/bullet/bullet_world.hpp"
@@ -18,10 +17,6 @@ using Eigen::Vector3d;
 Vector3d velocity_at(const btRigidBody& body, const Vector3d& point_m, double scale) {
   const Vector3d r_m = point_m - from_bullet(body.getWorldTransform().getOrigin(), scale);
   return from_bullet(body.getLinearVelocity(), scale) + from_bullet(body.getAngularVelocity()).cross(r_m);
-}
-
-double pair_friction(const btRigidBody& a, const btRigidBody& b) {
-  return static_cast<double>(a.getFriction() * b.getFriction());
 }
 
 /// Whether a face looks along `normal`.
@@ -53,29 +48,11 @@ PointForce force_at(const btManifoldPoint& point, double h, double scale) {
   return out;
 }
 
-bool is_in(const std::vector<const btRigidBody*>& group, const btRigidBody* body) {
-  return std::find(group.begin(), group.end(), body) != group.end();
-}
-
-/// One is more than kMostMassRatio times as heavy as another.
-bool is_pile(const std::vector<const btRigidBody*>& group) {
-  const auto [heaviest, lightest] = std::minmax_element(
-      group.begin(), group.end(), [](const auto* a, const auto* b) { return a->getInvMass() < b->getInvMass(); });
-  return (*lightest)->getInvMass() > kMostMassRatio * (*heaviest)->getInvMass();
-}
-
-/// Between the boxes that bound them, along the axes of the world: they are no nearer than that. Bullet's units.
-double gap_of_bounds(const btRigidBody& a, const btRigidBody& b) {
-  btVector3 a_min, a_max, b_min, b_max;
-  a.getAabb(a_min, a_max);
-  b.getAabb(b_min, b_max);
-  btVector3 apart = b_min - a_max;
-  apart.setMax(a_min - b_max);
-  apart.setMax(btVector3(0, 0, 0));
-  return static_cast<double>(apart.length());
-}
-
 }  // namespace
+
+double BulletWorld::pair_friction(const btRigidBody& a, const btRigidBody& b) {
+  return static_cast<double>(a.getFriction() * b.getFriction());
+}
 
 void BulletWorld::find_contacts(const btRigidBody& proxy, double radius, double radius_m, bool light,
                                 FoundContacts& out) const {
@@ -106,103 +83,8 @@ void BulletWorld::find_contacts(const btRigidBody& proxy, double radius, double 
   }
 }
 
-/// The body, and those that it pushes or that push it, and so on; empty: they are a pile.
-std::vector<const btRigidBody*> BulletWorld::together_with(const btRigidBody& body) const {
-  std::vector<const btRigidBody*> out{&body};
-  for (std::size_t next = 0; next < out.size(); ++next) {
-    for (const btPersistentManifold* const manifold : all_manifolds()) {
-      const btCollisionObject *const a = manifold->getBody0(), *const b = manifold->getBody1();
-      if ((a != out[next] && b != out[next]) || !BulletSolver::joins_pile(*manifold)) continue;
-      const auto* const other = static_cast<const btRigidBody*>(a == out[next] ? b : a);
-      if (is_in(out, other)) continue;
-      if (other->isKinematicObject() || out.size() == kMostTogether) return {};
-      out.push_back(other);
-    }
-  }
-  return is_pile(out) ? std::vector<const btRigidBody*>{} : out;
-}
-
-/// Boxes that touch none of `group`, and are near one of them, with what they touch, as long as there is room for them.
-void BulletWorld::add_near(std::vector<const btRigidBody*>& group) const {
-  const auto is_free_box = [](const btRigidBody& body) {
-    return !body.isStaticOrKinematicObject() && body.getCollisionShape()->getShapeType() == BOX_SHAPE_PROXYTYPE;
-  };
-  for (std::size_t i = 0; i < group.size() && group.size() < kMostTogether; ++i) {
-    if (!is_free_box(*group[i])) continue;
-    for (const SceneBody& other : bodies_) {
-      if (!is_free_box(*other.rigid) || is_in(group, other.rigid.get())) continue;
-      if (gap_of_bounds(*group[i], *other.rigid) > kNearTogether_m * scale_) continue;
-      std::vector<const btRigidBody*> both = group;
-      for (const btRigidBody* const each : together_with(*other.rigid)) both.push_back(each);
-      if (both.size() > group.size() && both.size() <= kMostTogether && !is_pile(both)) group = both;
-    }
-  }
-}
-
-void BulletWorld::add_near_supports(const std::vector<bool>& together, ContactSet& out) const {
-  const auto touch = [&out](std::uint32_t a, std::uint32_t b) {
-    return std::any_of(out.supports.begin(), out.supports.end(), [a, b](const Support& each) {
-      return (each.row == a && each.holder == b + 1) || (each.row == b && each.holder == a + 1);
-    });
-  };
-  const auto rows = static_cast<std::uint32_t>(together.size());
-  for (std::uint32_t a = 0; a < rows; ++a) {
-    for (std::uint32_t b = a + 1; b < rows; ++b) {
-      if (!together[a] || !together[b] || touch(a, b)) continue;
-      const btRigidBody& held = *bodies_[out.bodies[a].body].rigid;
-      const btRigidBody& holder = *bodies_[out.bodies[b].body].rigid;
-      if (gap_of_bounds(held, holder) > kNearTogether_m * scale_) continue;
-      Support near;
-      near.row = a;
-      near.holder = b + 1;
-      near.point_m = 0.5 * (out.bodies[a].centre_m + out.bodies[b].centre_m);
-      near.normal = (out.bodies[a].centre_m - out.bodies[b].centre_m).normalized();
-      near.friction = pair_friction(held, holder);
-      near.inverse_mass_per_kg = static_cast<double>(holder.getInvMass());
-      if (near.normal.allFinite() && near.normal.norm() > 0.5) out.supports.push_back(near);
-    }
-  }
-}
-
-std::vector<bool> BulletWorld::add_companions(ContactSet& out) const {
-  const std::size_t near = out.bodies.size();
-  std::vector<bool> together(near, false);
-  for (std::size_t row = 0; row < near; ++row) {
-    const btRigidBody& rigid = *bodies_[out.bodies[row].body].rigid;
-    if (together[row] || rigid.isStaticOrKinematicObject()) continue;
-    std::vector<const btRigidBody*> group = together_with(rigid);
-    add_near(group);
-    const auto number = [](const btRigidBody* each) { return static_cast<std::uint32_t>(each->getUserIndex()); };
-    const auto row_of = [&](const btRigidBody* each) {
-      return std::find_if(out.bodies.begin(), out.bodies.end(),
-                          [&](const BodyBehind& behind) { return behind.body == number(each); });
-    };
-    const auto missing =
-        std::count_if(group.begin(), group.end(), [&](const auto* each) { return row_of(each) == out.bodies.end(); });
-    const bool light =
-        std::any_of(group.begin(), group.end(), [&](const auto* each) { return bodies_[number(each)].light; });
-    if (group.size() < 2 || light || out.bodies.size() + static_cast<std::size_t>(missing) > kMaxContacts) continue;
-    for (const btRigidBody* const each : group) {
-      const auto found = row_of(each);
-      if (found != out.bodies.end()) {
-        together[static_cast<std::size_t>(found - out.bodies.begin())] = true;
-        continue;
-      }
-      out.bodies.emplace_back().body = number(each);
-      together.push_back(true);
-    }
-  }
-  return together;
-}
-
-std::span<btPersistentManifold* const> BulletWorld::all_manifolds() const {
-  btDispatcher& dispatcher =
-      const_cast<btCollisionDispatcher&>(dispatcher_);  // lists its manifolds; Bullet forgot the const
-  return {dispatcher.getInternalManifoldPointer(), static_cast<std::size_t>(dispatcher.getNumManifolds())};
-}
-
 void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) const {
-  const std::vector<bool> together = add_companions(out);
+  const std::vector<std::size_t> groups = add_companions(out);
   for (BodyBehind& behind : out.bodies) {
     const btRigidBody& rigid = *bodies_[behind.body].rigid;
     behind.centre_m = from_bullet(rigid.getWorldTransform().getOrigin(), scale_);
@@ -233,11 +115,11 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
     for (std::uint32_t row = 0; row < out.bodies.size(); ++row) {
       if (out.bodies[row].kind != BodyKind::kDynamic) continue;
       const btRigidBody* const held = bodies_[out.bodies[row].body].rigid.get();
-      if (manifold->getBody0() == held) add_held_by(proxy, *manifold, true, row, together[row], out);
-      if (manifold->getBody1() == held) add_held_by(proxy, *manifold, false, row, together[row], out);
+      if (manifold->getBody0() == held) add_held_by(proxy, *manifold, true, row, groups[row] > 0, out);
+      if (manifold->getBody1() == held) add_held_by(proxy, *manifold, false, row, groups[row] > 0, out);
     }
   }
-  add_near_supports(together, out);
+  add_near_supports(groups, out);
   // Where there are too many, those of the body that is nearest matter most.
   std::stable_sort(out.supports.begin(), out.supports.end(),
                    [](const Support& a, const Support& b) { return a.row < b.row; });
@@ -270,8 +152,9 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
   support.row = row;
   if (together && BulletSolver::joins_pile(manifold) && !other.isStaticOrKinematicObject()) {
     const auto body = static_cast<std::uint32_t>(other.getUserIndex());
-    while (support.holder < out.bodies.size() && out.bodies[support.holder].body != body) ++support.holder;
-    ++support.holder;
+    for (std::uint32_t i = 0; i < out.bodies.size(); ++i) {
+      if (out.bodies[i].body == body) support.holder = i + 1;
+    }
   }
   support.normal.setZero();
   Support touches = support;

@@ -148,10 +148,11 @@ class BulletWorld : public World {
   [[nodiscard]] btTransform pose_of(int index, const rtbus::config::PlacedAt& at) const;
   /// @param light Those of bodies that yield to tools, or those of the others.
   void find_contacts(const btRigidBody& body, double radius, double radius_m, bool light, FoundContacts& out) const;
+  [[nodiscard]] static double pair_friction(const btRigidBody& a, const btRigidBody& b);
   void add_near(std::vector<const btRigidBody*>& group) const;
-  void add_near_supports(const std::vector<bool>& together, ContactSet& out) const;
-  /// Adds the bodies that are told together with those of `out`. @returns which rows are told so.
-  std::vector<bool> add_companions(ContactSet& out) const;
+  /// Adds the bodies that are told together with those of `out`. @returns by row, in which group it is told; 0: alone.
+  std::vector<std::size_t> add_companions(ContactSet& out) const;
+  void add_near_supports(const std::vector<std::size_t>& groups, ContactSet& out) const;
   [[nodiscard]] std::span<btPersistentManifold* const> all_manifolds() const;
   void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
   void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first, std::uint32_t row,

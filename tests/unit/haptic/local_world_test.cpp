@@ -56,23 +56,6 @@ ProxyContacts standing(double x_m, double velocity_m_s, std::uint64_t sample_ns)
   return out;
 }
 
-/// The body, and another one behind it that it pushes: nothing else holds them.
-ProxyContacts pair_of(double far_kg, std::uint64_t sample_ns) {
-  ProxyContacts out = body(0.0, 0.0, sample_ns);
-  out.bodies = 2;
-  out.body_index[1] = 1;
-  out.body_kind[1] = 2;
-  out.body_inverse_mass_per_kg[1] = 1.0 / far_kg;
-  out.body_centre_m[1] = {-0.03, 0, 0};
-  out.supports = 1;
-  out.support_holder[0] = 2;
-  out.support_normal[0] = {1, 0, 0};
-  out.support_point_m[0] = {-0.02, 0, 0};
-  out.support_inverse_mass_per_kg[0] = 1.0 / far_kg;
-  out.support_points[0] = 1;
-  return out;
-}
-
 struct LocalWorldTest : testing::Test, tests::HeldWorld {
   LocalWorldTest() : HeldWorld(kStiffness, kDamping) {}
 };
@@ -114,44 +97,6 @@ TEST_F(LocalWorldTest, RollsTheContactAroundABallUntilTheNextAnswer) {
     EXPECT_NEAR(force_n.norm(), kStiffness * kDepth_m, 0.01);
     EXPECT_NEAR(force_n.normalized().dot(tip.normalized()), 1.0, 1e-3) << "away from the middle";
   }
-}
-
-/// What a hand feels that goes into it by 1 mm in 10 ms, and stays: in each of 20 ms, of an answer of 30 ms before.
-std::vector<double> pushed_n(tests::HeldWorld& test, ProxyContacts (*told)(double, std::uint64_t), double kg) {
-  test.world = std::make_unique<LocalWorld>();
-  test.reset({0, 0, 0});
-  test.tick(0.0);
-  test.world->take(told(kg, test.now_ns), test.now_ns);
-  std::vector<double> out;
-  for (int i = 0; i < 30; ++i) {
-    if (i == 20) test.world->take(told(kg, test.now_ns - 20 * rtbus::kNsPerMs), test.now_ns);
-    out.push_back(test.tick(-1e-4 * std::min(i, 10)));
-  }
-  return out;
-}
-
-// What is pushed and what that pushes are one mass, between two answers and when one is taken.
-TEST_F(LocalWorldTest, FeelsABodyAndWhatItPushesAsOneMass) {
-  const auto one = [](double kg, std::uint64_t sample_ns) {
-    ProxyContacts out = body(0.0, 0.0, sample_ns);
-    out.body_inverse_mass_per_kg[0] = 1.0 / (0.1 + kg);
-    return out;
-  };
-  const std::vector<double> alone = pushed_n(*this, one, 0.0);
-  const std::vector<double> both = pushed_n(*this, pair_of, 0.3), sum = pushed_n(*this, one, 0.3);
-  for (std::size_t i = 0; i < both.size(); ++i) EXPECT_NEAR(both[i], sum[i], 2e-3) << i;
-  EXPECT_GT(both[15], 1.2 * alone[15]);
-}
-
-// A body that the spring throws about within a tick would throw the others.
-TEST_F(LocalWorldTest, IsAPileWhereOneOfThemIsLight) {
-  const auto pile = [](double kg, std::uint64_t sample_ns) {
-    ProxyContacts out = pair_of(kg, sample_ns);
-    out.support_holder[0] = 0;
-    return out;
-  };
-  EXPECT_EQ(pushed_n(*this, pair_of, 0.01), pushed_n(*this, pile, 0.01));
-  EXPECT_NE(pushed_n(*this, pair_of, 0.1), pushed_n(*this, pile, 0.1));
 }
 
 TEST_F(LocalWorldTest, GivesABodyWhatTheHandFeels) {
