@@ -39,19 +39,22 @@ double inverse_mass(const SolverBody* bodies, const SolverContact& contact, cons
   return out;
 }
 
-void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s) noexcept {
+template <bool kBoth>
+[[gnu::always_inline]] inline void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s) noexcept {
   const Direction& normal = contact.directions[0];
   SolverBody& a = bodies[contact.a];
   a.velocity_m_s += (a.inverse_mass_per_kg * normal_n_s) * normal.along;
   a.angular_velocity_rad_s += normal_n_s * normal.turn_a_per_kg_m;
-  if (contact.b < 0) return;
+  if constexpr (!kBoth) return;
   SolverBody& b = bodies[contact.b];
   b.velocity_m_s -= (b.inverse_mass_per_kg * normal_n_s) * normal.along;
   b.angular_velocity_rad_s -= normal_n_s * normal.turn_b_per_kg_m;
 }
 
 /// Along all three directions at once.
-void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s, const Vector2d& tangent_n_s) noexcept {
+template <bool kBoth>
+[[gnu::always_inline]] inline void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s,
+                                        const Vector2d& tangent_n_s) noexcept {
   const auto& [normal, first, second] = contact.directions;
   const Vector3d impulse_n_s =
       normal_n_s * normal.along + tangent_n_s.x() * first.along + tangent_n_s.y() * second.along;
@@ -59,11 +62,20 @@ void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s, c
   a.velocity_m_s += a.inverse_mass_per_kg * impulse_n_s;
   a.angular_velocity_rad_s += normal_n_s * normal.turn_a_per_kg_m + tangent_n_s.x() * first.turn_a_per_kg_m +
                               tangent_n_s.y() * second.turn_a_per_kg_m;
-  if (contact.b < 0) return;
+  if constexpr (!kBoth) return;
   SolverBody& b = bodies[contact.b];
   b.velocity_m_s -= b.inverse_mass_per_kg * impulse_n_s;
   b.angular_velocity_rad_s -= normal_n_s * normal.turn_b_per_kg_m + tangent_n_s.x() * first.turn_b_per_kg_m +
                               tangent_n_s.y() * second.turn_b_per_kg_m;
+}
+
+void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s) noexcept {
+  contact.b >= 0 ? push<true>(bodies, contact, normal_n_s) : push<false>(bodies, contact, normal_n_s);
+}
+
+void push(SolverBody* bodies, const SolverContact& contact, double normal_n_s, const Vector2d& tangent_n_s) noexcept {
+  contact.b >= 0 ? push<true>(bodies, contact, normal_n_s, tangent_n_s)
+                 : push<false>(bodies, contact, normal_n_s, tangent_n_s);
 }
 
 void spin(SolverBody* bodies, const SolverContact& contact, double impulse) noexcept {
@@ -74,21 +86,28 @@ void spin(SolverBody* bodies, const SolverContact& contact, double impulse) noex
   b.angular_velocity_rad_s -= b.inverse_inertia_per_kg_m2 * (contact.normal * impulse);
 }
 
-double spin_rad_s(const SolverBody* bodies, const SolverContact& contact) noexcept {
-  const double of_b = contact.b >= 0 ? contact.normal.dot(bodies[contact.b].angular_velocity_rad_s) : 0.0;
-  return contact.normal.dot(bodies[contact.a].angular_velocity_rad_s) - of_b;
+/// How the bodies go at a contact, beyond its surface.
+struct Going {
+  Vector3d apart_m_s;
+  Vector3d a_rad_s, b_rad_s;
+};
+
+template <bool kBoth>
+[[gnu::always_inline]] inline Going going(const SolverBody* bodies, const SolverContact& contact) noexcept {
+  const SolverBody& a = bodies[contact.a];
+  Going out{a.velocity_m_s - contact.surface_velocity_m_s, a.angular_velocity_rad_s, Vector3d::Zero()};
+  if constexpr (kBoth) {
+    out.apart_m_s -= bodies[contact.b].velocity_m_s;
+    out.b_rad_s = bodies[contact.b].angular_velocity_rad_s;
+  }
+  return out;
 }
 
-double slip_m_s(const SolverBody* bodies, const SolverContact& contact, const Direction& direction) noexcept {
-  const SolverBody& a = bodies[contact.a];
-  Vector3d velocity_m_s = a.velocity_m_s - contact.surface_velocity_m_s;
-  double turning_m_s = direction.arm_a.dot(a.angular_velocity_rad_s);
-  if (contact.b >= 0) {
-    const SolverBody& b = bodies[contact.b];
-    velocity_m_s -= b.velocity_m_s;
-    turning_m_s -= direction.arm_b.dot(b.angular_velocity_rad_s);
-  }
-  return direction.along.dot(velocity_m_s) + turning_m_s;
+template <bool kBoth>
+[[gnu::always_inline]] inline double slip_m_s(const Going& going, const Direction& direction) noexcept {
+  double turning_m_s = direction.arm_a.dot(going.a_rad_s);
+  if constexpr (kBoth) turning_m_s -= direction.arm_b.dot(going.b_rad_s);
+  return direction.along.dot(going.apart_m_s) + turning_m_s;
 }
 
 void prepare(const SolverBody* bodies, SolverContact& contact) noexcept {
@@ -127,12 +146,14 @@ double advance_impulse(const SolverContact& contact) noexcept {
                                                          : 0.0;
 }
 
-/// One contact in turn. @returns how much the velocities there have changed.
+/// One contact in turn. @param kBoth Whether it has a body `b`. @returns how much the velocities there have changed.
+template <bool kBoth>
 double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   if (contact.inverse_mass_normal_per_kg <= 0.0) return 0.0;
   const auto& [along_normal, first, second] = contact.directions;
+  const Going at = going<kBoth>(bodies, contact);
   const double soft = contact.softness_per_kg;
-  const double normal_velocity = slip_m_s(bodies, contact, along_normal) + contact.closing_m_s +
+  const double normal_velocity = slip_m_s<kBoth>(at, along_normal) + contact.closing_m_s +
                                  soft * (contact.normal_n_s - contact.expected_n_s);
   double normal = std::max(0.0, contact.normal_n_s - normal_velocity * contact.mass_normal_kg);
   if (const double least = advance_impulse(contact); normal < least) {
@@ -146,18 +167,20 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const double cone = contact.friction * (normal + contact.held_n_s);
   const Vector2d before = contact.tangent_n_s;
   if (contact.friction <= 0.0 || (cone <= 0.0 && before.isZero(0.0) && contact.torsion_n_m_s == 0.0)) {
-    if (step != 0.0) push(bodies, contact, step);
+    if (step != 0.0) push<kBoth>(bodies, contact, step);
     return change;
   }
   // The slip after the push along the normal, without waiting for it.
-  const Vector2d slip =
-      Vector2d(slip_m_s(bodies, contact, first), slip_m_s(bodies, contact, second)) + step * contact.slip_per_n_s;
+  const Vector2d slip = Vector2d(slip_m_s<kBoth>(at, first), slip_m_s<kBoth>(at, second)) + step * contact.slip_per_n_s;
   const bool patch = contact.inertia_torsion_kg_m2 > 0.0;
   const double radius_m = contact.torsion_radius_m;
-  const double rate_rad_s = patch ? spin_rad_s(bodies, contact) : 0.0;
-  double torsion = contact.torsion_n_m_s - rate_rad_s * contact.inertia_torsion_kg_m2;
+  double rate_rad_s = 0.0, torsion = contact.torsion_n_m_s, spun = 0.0;
+  if (patch) {
+    rate_rad_s = contact.normal.dot(at.a_rad_s) - (kBoth ? contact.normal.dot(at.b_rad_s) : 0.0);
+    torsion -= rate_rad_s * contact.inertia_torsion_kg_m2;
+    spun = torsion / radius_m;
+  }
   Vector2d after = before - contact.mass_tangent_kg * slip;
-  const double spun = patch ? torsion / radius_m : 0.0;
   if (after.squaredNorm() + spun * spun > cone * cone) {
     // What slides is braked against its slip. The matrix, which finds what sticks in one step, would turn that. A patch
     // that slides hardly resists spin: together both are at most friction times the normal impulse.
@@ -174,7 +197,7 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
     }
   }
   const Vector2d correction = after - before;
-  push(bodies, contact, step, correction);
+  push<kBoth>(bodies, contact, step, correction);
   contact.tangent_n_s = after;
   change = std::max(change, correction.cwiseAbs().maxCoeff() * contact.inverse_mass_normal_per_kg);
   if (patch) {
@@ -182,6 +205,10 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
     contact.torsion_n_m_s = torsion;
   }
   return change;
+}
+
+double relax(SolverBody* bodies, SolverContact& contact) noexcept {
+  return contact.b >= 0 ? relax<true>(bodies, contact) : relax<false>(bodies, contact);
 }
 
 /// Takes the impulse apart, and lets it act. The normal may have turned since the last step.
