@@ -153,8 +153,8 @@ double relax(SolverBody* bodies, SolverContact& contact) noexcept {
   const auto& [along_normal, first, second] = contact.directions;
   const Going at = going<kBoth>(bodies, contact);
   const double soft = contact.softness_per_kg;
-  const double normal_velocity = slip_m_s<kBoth>(at, along_normal) + contact.closing_m_s +
-                                 soft * (contact.normal_n_s - contact.expected_n_s);
+  const double normal_velocity =
+      slip_m_s<kBoth>(at, along_normal) + contact.closing_m_s + soft * (contact.normal_n_s - contact.expected_n_s);
   double normal = std::max(0.0, contact.normal_n_s - normal_velocity * contact.mass_normal_kg);
   if (const double least = advance_impulse(contact); normal < least) {
     const double held_m_s = normal_velocity - soft * (contact.normal_n_s - contact.expected_n_s) +

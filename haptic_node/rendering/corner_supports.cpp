@@ -15,14 +15,18 @@ using rtbus::shapes::FacePoints;
 
 /// A corner that is not there does not touch.
 constexpr double kFar_m = 1.0;
-/// Physics lets a box that stands tilt by so much, and takes that back in its next steps: there its corners touch. To
-/// fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a hand would be dragged down by it. A hull
-/// that rolls from facet to facet is not held up so.
+/// Physics lets what stands on a box, and what carries one, tilt by so much, and takes that back in its next steps:
+/// there its corners touch. To fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a hand would be
+/// dragged down by it. A hull that rolls from facet to facet is not held up so.
 constexpr double kTilts_m = 20e-6;
 /// Walls that are so near are known before physics tells that they hold the box: at 0.1 m/s for 0.1 s.
 constexpr double kBefore_m = 10e-3;
 /// A step that is lower is none: bodies sink in, and tilt, by less.
 constexpr double kSeam_m = 1e-3;
+/// A cylinder stands where its axis is so near to the normal (a cosine) …
+constexpr double kUpright = 0.1;
+/// … and where its load is so far from the axis, in radii, it would tip that way.
+constexpr double kOffMiddle = 0.05;
 
 /// @returns the least gap; none: there is no corner.
 double nearest_m(const FacePoints& corners, double none_m) noexcept {
@@ -68,6 +72,7 @@ bool is_seam(const FacePoints& corners, const FacePoints& face) noexcept {
 void CornerSupports::be(const rtbus::shapes::KnownShape* shape, const Vector3d& origin_B_m) noexcept {
   box_ = shape != nullptr ? std::get_if<rtbus::shapes::Box>(&shape->shape) : nullptr;
   hull_ = shape != nullptr ? std::get_if<rtbus::shapes::Hull>(&shape->shape) : nullptr;
+  cylinder_ = shape != nullptr ? std::get_if<rtbus::shapes::Cylinder>(&shape->shape) : nullptr;
   origin_B_m_ = origin_B_m;
 }
 
@@ -77,7 +82,8 @@ std::span<const Support> CornerSupports::leave(const SupportPool& old) noexcept 
 
 bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion,
                               std::span<const Support> before, std::size_t first, SupportPool& supports) noexcept {
-  if (box_ == nullptr && hull_ == nullptr) return false;
+  if (box_ == nullptr && hull_ == nullptr && cylinder_ == nullptr) return false;
+  if (cylinder_ != nullptr && !stands_upright(motion, first, supports)) return false;
   std::array<Support, kFaces> held;
   std::array<FacePoints, kFaces> found;
   const std::array<Face, kFaces> faces_before = faces_;
@@ -118,6 +124,22 @@ bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, co
       if (faces_before[j].is_of(faces_[i])) bore = before.subspan(kCorners * j, kCorners);
     }
     lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, supports);
+  }
+  return true;
+}
+
+/// A cylinder that lies on its side rolls on supports as told. @returns whether it does not, and finds where one that
+/// stands would tip.
+bool CornerSupports::stands_upright(const BodyMotion& motion, std::size_t first, const SupportPool& supports) noexcept {
+  const Vector3d axis = motion.q_WB * Vector3d(Vector3d::UnitY());
+  double most_n = -1.0;
+  for (std::size_t i = first; i < supports.count; ++i) {
+    const Support& told = supports.rows[i];
+    if (told.round_m > 0.0 || std::abs(axis.dot(told.normal)) < kUpright) return false;
+    const Vector3d from_axis_m = told.from_centre_m - axis.dot(told.from_centre_m) * axis;
+    if (told.force_n <= most_n || from_axis_m.norm() < kOffMiddle * cylinder_->radius_m) continue;
+    most_n = told.force_n;
+    tips_B_ = motion.q_WB.conjugate() * from_axis_m;
   }
   return true;
 }
@@ -228,7 +250,7 @@ void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoi
   for (std::size_t k = 0; k < corners.count; ++k) {
     Support& row = rows[places[k]];
     double& rest_gap_m = faces_[face].rest_gap_m[places[k]];
-    if (box_ != nullptr && told.force_n > 0.0)
+    if (hull_ == nullptr && told.force_n > 0.0)
       rest_gap_m = std::clamp(corners.gap_m[k], rest_gap_m, rest_gap_m + kTilts_m);
     row.force_n = shares[k] * told.force_n;
     if (bore.empty()) row.impulse_n_s += (row.force_n * tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;
@@ -239,6 +261,9 @@ void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoi
 bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& centre_m,
                                 const Quaterniond& q_WB, FacePoints& out) const noexcept {
   if (box_ != nullptr) return rtbus::shapes::face_points(*box_, q_WB, centre_m, holder, out);
+  if (cylinder_ != nullptr) {
+    return rtbus::shapes::face_points(*cylinder_, q_WB, centre_m, holder, q_WB * tips_B_, out);
+  }
   rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, holder, out);
   return out.count > 0;
 }

@@ -1,7 +1,7 @@
 #pragma once
 /// @file corner_supports.hpp
-/// What a box or a hull stands on where the scene tells its shape and what holds it: its corners on the faces of that,
-/// or the corners of that on its own face. Frame W, SI units.
+/// What a box, a hull, or a cylinder that stands is on where the scene tells its shape and what holds it: its corners,
+/// or four points of its rim, on the faces of that, or the corners of that on its own face. Frame W, SI units.
 #include <array>
 #include <cstddef>
 #include <span>
@@ -70,6 +70,7 @@ class CornerSupports {
   };
   static constexpr std::size_t kFaces = 4;
 
+  bool stands_upright(const BodyMotion& motion, std::size_t first, const SupportPool& supports) noexcept;
   bool find_holder(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion, const Support& told,
                    Face& face, rtbus::shapes::FacePoints& corners) const noexcept;
   bool place_holder(const ToldBody& body, const SinceAnswer& since, std::size_t row, Face& face) const noexcept;
@@ -88,6 +89,8 @@ class CornerSupports {
 
   const rtbus::shapes::Box* box_ = nullptr;
   const rtbus::shapes::Hull* hull_ = nullptr;
+  const rtbus::shapes::Cylinder* cylinder_ = nullptr;
+  Eigen::Vector3d tips_B_ = Eigen::Vector3d::Zero();  ///< Where a cylinder would tip: there it bears the most.
   Eigen::Vector3d origin_B_m_ = Eigen::Vector3d::Zero();
   bool lies_ = false;
   std::size_t first_ = 0;  ///< Of its rows in the pool.

@@ -54,11 +54,12 @@ class KnownShapes {
     return index < 0 || (*this)[index].stands ? nullptr : &(*this)[index];
   }
 
-  /// Whether that body moves, and its corners are known: those of a box or a hull.
+  /// Whether that body moves, and its corners are known: those of a box or a hull, or the rim of a cylinder.
   [[nodiscard]] bool has_corners(std::uint32_t body) const noexcept RTBUS_NONBLOCKING {
     const Shape* const mover = mover_of(body);
     return mover != nullptr && (std::holds_alternative<rtbus::shapes::Box>(mover->shape) ||
-                                std::holds_alternative<rtbus::shapes::Hull>(mover->shape));
+                                std::holds_alternative<rtbus::shapes::Hull>(mover->shape) ||
+                                std::holds_alternative<rtbus::shapes::Cylinder>(mover->shape));
   }
 
   /// Planes and boxes that stand.

@@ -23,9 +23,10 @@ Vector3d velocity_at(const btRigidBody& body, const Vector3d& point_m, double sc
 bool has_face(const btRigidBody& body, const Vector3d& normal) {
   constexpr double kFlat_rad = 2e-3;
   const int shape = body.getCollisionShape()->getShapeType();
-  if (shape != BOX_SHAPE_PROXYTYPE) return shape == STATIC_PLANE_PROXYTYPE;
+  if (shape == STATIC_PLANE_PROXYTYPE) return true;
+  if (shape != BOX_SHAPE_PROXYTYPE && shape != CYLINDER_SHAPE_PROXYTYPE) return false;
   btVector3 own = (body.getWorldTransform().getBasis().transpose() * to_bullet(normal)).absolute();
-  own[own.maxAxis()] = 0;
+  own[shape == BOX_SHAPE_PROXYTYPE ? own.maxAxis() : 1] = 0;  // a cylinder's axis is y
   return static_cast<double>(own.length()) < kFlat_rad;
 }
 

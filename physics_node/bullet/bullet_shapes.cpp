@@ -17,9 +17,9 @@ namespace shapes = rtbus::shapes;
 constexpr double kSkin = 0.005;        // of the shortest extent
 constexpr double kLargestScale = 1e5;  // 100 µm; below it the range of positions becomes the limit
 
-/// Boxes and cylinders lie within their margin, not around it: it rounds their edges for the general algorithm.
+/// A box lies within its margin, not around it: it rounds its edges for the general algorithm.
 /// Bullet's own choice, a tenth of the smallest half extent and at most 0.04 units of 0.6.
-btScalar margin_of(double smallest_half_m, double scale) {
+btScalar margin_of_box(double smallest_half_m, double scale) {
   return static_cast<btScalar>(std::min(0.1 * smallest_half_m * scale, 0.04 * kToleranceScale));
 }
 
@@ -54,8 +54,15 @@ MadeShape make_hull(const config::TriangleMesh& points, double scale) {
   MadeShape out;
   out.centre_m = centroid_m(hull);
   auto shape = std::make_unique<btConvexHullShape>();
+  shapes::Hull corners;
   for (int i = 0; i < hull.vertices.size(); ++i) {
-    shape->addPoint(to_bullet(from_bullet(hull.vertices[i]) - out.centre_m, scale), false);
+    const Vector3d from_centre_m = from_bullet(hull.vertices[i]) - out.centre_m;
+    shape->addPoint(to_bullet(from_centre_m, scale), false);
+    corners.points_m.push_back(scale * from_centre_m);
+  }
+  if (corners.points_m.size() <= shapes::Hull::kMost) {
+    out.hull = std::make_unique<const shapes::Hull>(std::move(corners));
+    shape->setUserPointer(const_cast<shapes::Hull*>(out.hull.get()));  // Bullet keeps no pointer to const
   }
   shape->setMargin(static_cast<btScalar>(kSkin * points.extents_m().minCoeff() * scale));
   shape->recalcLocalAabb();
@@ -87,14 +94,15 @@ MadeShape make_shape(const config::BodyShape& shape, double scale) {
     out.shape = std::make_unique<btSphereShape>(length(sphere->radius_m));
   } else if (const auto* box = std::get_if<shapes::Box>(&shape)) {
     out.shape = std::make_unique<btBoxShape>(to_bullet(box->half_size_m, scale));
-    out.shape->setMargin(margin_of(box->half_size_m.minCoeff(), scale));
+    out.shape->setMargin(margin_of_box(box->half_size_m.minCoeff(), scale));
   } else if (const auto* capsule = std::get_if<config::Capsule>(&shape)) {
     out.shape = std::make_unique<btCapsuleShape>(length(capsule->radius_m),
                                                  length(capsule->length_m - 2.0 * capsule->radius_m));
   } else if (const auto* cylinder = std::get_if<config::Cylinder>(&shape)) {
     out.shape = std::make_unique<btCylinderShape>(
         btVector3(length(cylinder->radius_m), length(0.5 * cylinder->length_m), length(cylinder->radius_m)));
-    out.shape->setMargin(margin_of(std::min(cylinder->radius_m, 0.5 * cylinder->length_m), scale));
+    // A rim is rounded on planes too: with Bullet's own choice a cylinder tips over as if it were a tenth thinner.
+    out.shape->setMargin(length(kSkin * smallest_extent_m(shape)));
   } else if (const auto* hull = std::get_if<config::ConvexHull>(&shape)) {
     out = make_hull(*hull->points, scale);
   } else if (const auto* mesh = std::get_if<config::Mesh>(&shape)) {

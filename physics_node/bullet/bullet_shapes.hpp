@@ -5,6 +5,7 @@
 
 #include "physics_node/bullet/units.hpp"
 #include "rtbus/config/scene.hpp"
+#include "rtbus/shapes/hull.hpp"
 #include "rtbus/shapes/surface.hpp"
 
 namespace physics::bullet {
@@ -12,6 +13,8 @@ namespace physics::bullet {
 /// A collision shape with what it points to. Lengths are Bullet's.
 struct MadeShape {
   std::unique_ptr<btTriangleMesh> triangles;  ///< Of a mesh; must outlive the shape, so it stands before it.
+  /// Of a hull of few points, in Bullet's units about the centre of mass; its shape points there (getUserPointer()).
+  std::unique_ptr<const rtbus::shapes::Hull> hull;
   std::unique_ptr<btCollisionShape> shape;
   std::unique_ptr<const rtbus::shapes::Surface> surface;  ///< Of a mesh, in Bullet's units: where a sphere is near it.
   /// p_BC: centre of mass in the body's frame [m]. Bullet's body frame has its origin there. Zero but for a hull.
@@ -19,7 +22,8 @@ struct MadeShape {
 };
 
 /// Margins: Bullet surrounds hulls and meshes by a skin of absolute thickness, 0.04 units. Here it is 0.5 % of the
-/// shortest extent, by which the body is felt larger; the other shapes keep their size.
+/// shortest extent, by which the body is felt larger; the other shapes keep their size, and a cylinder's rim is rounded
+/// by so much.
 [[nodiscard]] MadeShape make_shape(const rtbus::config::BodyShape& shape, double scale);
 
 /// Shortest extent of the shape [m]; 0 for a plane and a mesh, which have none.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "physics_node/bullet/plane_contacts.hpp"
 #include "physics_node/engine/contact_set.hpp"
 
 namespace physics::bullet {
@@ -103,6 +104,8 @@ void BulletSolver::find_piles(btPersistentManifold** manifolds, int count) {
   for (std::size_t i = 0; i < bodies; ++i) {
     const std::size_t group = group_of(static_cast<int>(i));
     in_pile_[i] = size[group] > kMostTogether || most[group] > kMostMassRatio * least[group];
+    btRigidBody* const body = m_tmpSolverBodyPool[static_cast<int>(i)].m_originalBody;
+    if (body != nullptr) PlaneContacts::set_in_pile(*body, in_pile_[i]);
   }
 }
 

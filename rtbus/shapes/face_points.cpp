@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <numbers>
 #include <variant>
 
 namespace rtbus::shapes {
@@ -20,6 +21,12 @@ constexpr double kParallel = 0.05;
 /// Nor have edges whose plane is nearer to the face's than this cosine: the corners of the face say as much, and hold
 /// the box at both ends.
 constexpr double kSamePlane = 0.95;
+/// A cylinder that leans by less (a sine) stands upright.
+constexpr double kLeans = 2e-4;
+/// Corners of a rim, cut off or not.
+constexpr std::size_t kRim = 8;
+/// Where a rim is cut off, it has corners at both ends of the cut, however short that is.
+constexpr double kAlongCut = 0.3;
 
 /// A box as three axes.
 struct Axes {
@@ -86,11 +93,12 @@ Face plane_of(const PlacedShape& holder) noexcept {
 /// I. E. Sutherland, G. W. Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974: a convex polygon, one edge of the
 /// clipping rectangle after the other.
 struct Polygon {
-  static constexpr std::size_t kMost = 8;  ///< Each of four edges adds one corner at most.
+  static constexpr std::size_t kMost = kRim + 4;  ///< Each of four edges adds one corner at most.
   std::array<Vector3d, kMost> corner_m{};
   std::size_t count = 0;
 
-  void cut(const Vector3d& outward, double reach_m) noexcept {
+  /// @returns whether something is off.
+  bool cut(const Vector3d& outward, double reach_m) noexcept {
     std::array<Vector3d, kMost> kept{};
     std::size_t n = 0;
     for (std::size_t i = 0; i < count; ++i) {
@@ -101,10 +109,40 @@ struct Polygon {
         if (n < kMost) kept[n++] = from + before / (before - after) * (to - from);
       }
     }
+    const bool off = !std::equal(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(n), corner_m.begin(),
+                                 corner_m.begin() + static_cast<std::ptrdiff_t>(count));
     corner_m = kept;
     count = n;
+    return off;
+  }
+  /// At the edges of the face. @returns an edge that something was beyond, as its outward way; zero: nothing.
+  Vector3d cut(const Face& face) noexcept {
+    Vector3d out = Vector3d::Zero();
+    if (!std::isfinite(face.half_u_m)) return out;
+    const double u_m = face.u.dot(face.centre_m), v_m = face.v.dot(face.centre_m);
+    if (cut(face.u, u_m + face.half_u_m)) out = face.u;
+    if (cut(-face.u, face.half_u_m - u_m)) out = -face.u;
+    if (cut(face.v, v_m + face.half_v_m)) out = face.v;
+    if (cut(-face.v, face.half_v_m - v_m)) out = -face.v;
+    return out;
+  }
+  /// The corner that is farthest that way.
+  [[nodiscard]] std::size_t farthest(const Vector3d& way) const noexcept {
+    std::size_t far = 0;
+    for (std::size_t i = 1; i < count; ++i) {
+      if (way.dot(corner_m[i] - corner_m[far]) > 0.0) far = i;
+    }
+    return far;
   }
 };
+
+/// A corner, and how far it is from the plane of `face`. @param of_held `face` is the held box's.
+void add_point(const Face& face, const Vector3d& corner_m, bool of_held, FacePoints& out) noexcept {
+  const double gap_m = face.normal.dot(corner_m - face.centre_m);
+  out.point_m[out.count] = corner_m;
+  if (of_held) out.point_m[out.count] -= gap_m * face.normal;
+  out.gap_m[out.count++] = gap_m;
+}
 
 /// What of `other`, cut off at the edges of `face`, is how far from its plane. @param of_held `face` is the held box's.
 void add_points(const Face& face, const Face& other, bool of_held, FacePoints& out) noexcept {
@@ -113,31 +151,15 @@ void add_points(const Face& face, const Face& other, bool of_held, FacePoints& o
   polygon.corner_m = {other.centre_m + along_u + along_v, other.centre_m + along_u - along_v,
                       other.centre_m - along_u - along_v, other.centre_m - along_u + along_v};
   polygon.count = 4;
-  if (std::isfinite(face.half_u_m)) {
-    const double u_m = face.u.dot(face.centre_m), v_m = face.v.dot(face.centre_m);
-    polygon.cut(face.u, u_m + face.half_u_m);
-    polygon.cut(-face.u, face.half_u_m - u_m);
-    polygon.cut(face.v, v_m + face.half_v_m);
-    polygon.cut(-face.v, face.half_v_m - v_m);
-  }
+  (void)polygon.cut(face);
   out.normal = of_held ? Vector3d(-face.normal) : face.normal;
-  const auto add = [&](std::size_t corner) {
-    const double gap_m = face.normal.dot(polygon.corner_m[corner] - face.centre_m);
-    out.point_m[out.count] = polygon.corner_m[corner];
-    if (of_held) out.point_m[out.count] -= gap_m * face.normal;
-    out.gap_m[out.count++] = gap_m;
-  };
   if (polygon.count <= FacePoints::kMost) {
-    for (std::size_t i = 0; i < polygon.count; ++i) add(i);
+    for (std::size_t i = 0; i < polygon.count; ++i) add_point(face, polygon.corner_m[i], of_held, out);
     return;
   }
-  const Vector3d diagonals[] = {face.u + face.v, face.u - face.v, -face.u - face.v, face.v - face.u};
-  for (const Vector3d& way : diagonals) {
-    std::size_t far = 0;
-    for (std::size_t i = 1; i < polygon.count; ++i) {
-      if (way.dot(polygon.corner_m[i] - polygon.corner_m[far]) > 0.0) far = i;
-    }
-    add(far);
+  for (const Vector3d& way :
+       {Vector3d(face.u + face.v), Vector3d(face.u - face.v), Vector3d(-face.u - face.v), Vector3d(face.v - face.u)}) {
+    add_point(face, polygon.corner_m[polygon.farthest(way)], of_held, out);
   }
 }
 
@@ -151,6 +173,22 @@ Way way_along(const Vector3d& axis, const Axes& held, const Axes& holder) noexce
   const Vector3d between_m = held.centre_m - holder.centre_m;
   const Vector3d normal = between_m.dot(axis) < 0.0 ? Vector3d(-axis) : axis;
   return {normal, between_m.dot(normal) - held.reach_m(normal) - holder.reach_m(normal)};
+}
+
+/// The face from which the cylinder is farthest.
+Face nearest_face(const Axes& box, const Cylinder& held, const Vector3d& axis, const Vector3d& p_WB) noexcept {
+  Vector3d best = box.axis[0];
+  double best_m = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double along = box.axis[i].dot(axis), between_m = box.axis[i].dot(p_WB - box.centre_m);
+    const double reach_m =
+        0.5 * held.length_m * std::abs(along) + held.radius_m * std::sqrt(std::max(0.0, 1.0 - along * along));
+    const double apart_m = std::abs(between_m) - box.half_m[static_cast<Eigen::Index>(i)] - reach_m;
+    if (apart_m <= best_m) continue;
+    best_m = apart_m;
+    best = between_m < 0.0 ? Vector3d(-box.axis[i]) : box.axis[i];
+  }
+  return face_of(box, best);
 }
 
 Way farthest_face(const Axes& box, const Axes& held, const Axes& holder) noexcept {
@@ -216,6 +254,44 @@ bool face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB,
     add_points(box_face, below_face, true, out);
   } else {
     add_points(below_face, box_face, false, out);
+  }
+  return true;
+}
+
+bool face_points(const Cylinder& held, const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,
+                 const Vector3d& way_W, FacePoints& out) noexcept {
+  out.count = 0;
+  const Vector3d axis = q_WB * Vector3d(Vector3d::UnitY());
+  Face face;
+  if (std::holds_alternative<Plane>(holder.shape)) {
+    face = plane_of(holder);
+  } else if (const auto* const below = std::get_if<Box>(&holder.shape)) {
+    face = nearest_face(Axes(*below, holder.q_WB, holder.p_WB), held, axis, p_WB);
+  } else {
+    return false;
+  }
+  const Vector3d down = axis.dot(face.normal) > 0.0 ? Vector3d(-axis) : axis;
+  const auto across = [&](const Vector3d& way) { return Vector3d(way - down.dot(way) * down); };
+  Vector3d ahead = across(-face.normal);
+  if (ahead.norm() < kLeans) ahead = across(way_W);
+  ahead = ahead.norm() > 1e-9 * way_W.norm() ? ahead.normalized() : down.unitOrthogonal();
+  const Vector3d cap_m = p_WB + 0.5 * held.length_m * down;
+  const Vector3d to_front_m = held.radius_m * ahead, to_side_m = held.radius_m * down.cross(ahead);
+  Polygon rim;
+  for (std::size_t i = 0; i < kRim; ++i) {
+    const double angle = 2.0 * std::numbers::pi * static_cast<double>(i) / kRim;
+    rim.corner_m[rim.count++] = cap_m + std::cos(angle) * to_front_m + std::sin(angle) * to_side_m;
+  }
+  out.normal = face.normal;
+  const Vector3d edge = rim.cut(face);
+  if (edge.isZero(0.0)) {
+    for (std::size_t i = 0; i < kRim; i += kRim / FacePoints::kMost) add_point(face, rim.corner_m[i], false, out);
+    return true;
+  }
+  const Vector3d along = face.normal.cross(edge);
+  for (const Vector3d& way : {Vector3d(edge + kAlongCut * along), Vector3d(edge - kAlongCut * along),
+                              Vector3d(-edge - along), Vector3d(along - edge)}) {
+    if (rim.count > 0) add_point(face, rim.corner_m[rim.farthest(way)], false, out);
   }
   return true;
 }

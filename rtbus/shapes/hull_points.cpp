@@ -7,17 +7,11 @@
 #include <variant>
 
 namespace rtbus::shapes {
-namespace {
 
 using Eigen::Vector3d;
 
-/// So much higher a point may be: what tips back touches with it again before it has sunk in.
-constexpr double kHigher_m = 1e-3;
-
-}  // namespace
-
 void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& plane,
-                 FacePoints& out) noexcept {
+                 FacePoints& out, double higher_m) noexcept {
   out.count = 0;
   if (!std::holds_alternative<Plane>(plane.shape) || held.points_m.empty()) return;
   out.normal = plane.q_WB * Vector3d(Vector3d::UnitY());
@@ -40,7 +34,7 @@ void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3
   std::array<double, FacePoints::kMost> most_m;
   most_m.fill(-std::numeric_limits<double>::infinity());
   for (std::size_t i = 0; i < count; ++i) {
-    if (height_m[i] > height_m[lowest] + kHigher_m) continue;
+    if (height_m[i] > height_m[lowest] + higher_m) continue;
     const double along_m = u.dot(held.points_m[i]), across_m = v.dot(held.points_m[i]);
     const std::array<double, FacePoints::kMost> way_m{along_m + across_m, along_m - across_m, -along_m - across_m,
                                                       across_m - along_m};

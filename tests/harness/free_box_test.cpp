@@ -31,20 +31,10 @@ const std::string kBox =
     "friction: 0.5}";
 
 // F·h = m·g·d/2 about the edge, without friction of the tip, which would pull at the face that rises. The hand is slow:
-// its speed times √(K·m) comes on top. As a patch that cannot tilt the box resisted with all its friction.
-TEST(FreeBox, TipsAtTheForceThatLiftsItOverItsEdge) {
-  constexpr double kMass_kg = 0.2, kDepth_m = 0.03, kHeight_m = 0.07;
+// its speed times √(K·m) comes on top.
+/// @param most Of the force, over the closed form.
+void expect_tips_at(double tips_n, double most, const Push& how) {
   constexpr int kMean_ms = 300;
-  const Push how{
-      "{name: floor, type: static, shape: {plane: {}}, friction: 0.5}, {name: box, type: dynamic, "
-      "mass_kg: 0.2, shape: {box: {size_m: [0.04, 0.08, 0.03]}}, position_m: [0, 0.04, -0.015], "
-      "friction: 1.5}",
-      "[0, 0.07, 0.0055]",
-      0.004,
-      0.0005,
-      9.5,
-      0.0};
-  const double tips_n = kMass_kg * kGravity_m_s2 * (kDepth_m / 2.0) / kHeight_m;
   for (const char* const hz : kPhysics_hz) {
     std::vector<std::string> settings = physics_at(hz);
     settings.emplace_back("haptic.0.device.mechanics.position_quantum_m=0");
@@ -56,8 +46,54 @@ TEST(FreeBox, TipsAtTheForceThatLiftsItOverItsEdge) {
     std::printf("physics %s Hz: tips under %.4f N, at most %.4f N; closed form %.4f N\n", hz, mean_n, largest_n,
                 tips_n);
     EXPECT_NEAR(mean_n, tips_n, 0.02 * tips_n) << hz;
-    EXPECT_LE(largest_n, 1.05 * tips_n) << hz;
+    EXPECT_LE(largest_n, most * tips_n) << hz;
     EXPECT_GT(felt.last.orientation.angularDistance(Eigen::Quaterniond::Identity()), 0.02) << "it tips, physics " << hz;
+  }
+}
+
+// As a patch that cannot tilt the box resisted with all its friction.
+TEST(FreeBox, TipsAtTheForceThatLiftsItOverItsEdge) {
+  constexpr double kMass_kg = 0.2, kDepth_m = 0.03, kHeight_m = 0.07;
+  expect_tips_at(kMass_kg * kGravity_m_s2 * (kDepth_m / 2.0) / kHeight_m, 1.05,
+                 {kFloor + ", {name: box, type: dynamic, mass_kg: 0.2, shape: {box: {size_m: [0.04, 0.08, 0.03]}}, "
+                           "position_m: [0, 0.04, -0.015], friction: 1.5}",
+                  "[0, 0.07, 0.0055]", 0.004, 0.0005, 9.5, 0.0});
+}
+
+// Bullet rounds rims by a tenth of the radius: it tipped over as if it were thinner, and not where the loop had its
+// rim.
+TEST(FreeCylinder, TipsAtTheForceThatLiftsItOverItsRim) {
+  constexpr double kMass_kg = 0.2, kRadius_m = 0.02, kHeight_m = 0.05;
+  expect_tips_at(kMass_kg * kGravity_m_s2 * kRadius_m / kHeight_m, 1.25,
+                 {kFloor + ", {name: can, type: dynamic, mass_kg: 0.2, shape: {cylinder: {radius_m: 0.02, length_m: "
+                           "0.06}}, position_m: [0, 0.03, -0.02], friction: 1.5}",
+                  "[0, 0.05, 0.0055]", 0.006, 0.0005, 12.5, 0.0});
+}
+
+// On the points that physics tells it rocked: at 18 Hz 0.1 to 0.24 N RMS off, with clicks of 0.2 N.
+TEST(FreeCylinder, StandingIsPushedAsInTruth) {
+  struct Place {
+    const char *what, *start_m;
+    double tip_friction;
+  };
+  for (const Place& each :
+       {Place{"at its side", "[0, 0.015, 0.0055]", 0.5}, Place{"beside its middle", "[0.01, 0.015, 0.0055]", 0.5},
+        Place{"along its top", "[0, 0.032, 0]", 1.0}}) {
+    const Push how{kFloor +
+                       ", {name: can, type: dynamic, mass_kg: 0.2, shape: {cylinder: {radius_m: 0.02, length_m: "
+                       "0.03}}, position_m: [0, 0.015, -0.02], friction: 0.5}",
+                   each.start_m,
+                   0.03,
+                   0.03,
+                   2.2,
+                   each.tip_friction};
+    const Pushed truth = push(how, kConverged);
+    EXPECT_GT(*std::max_element(truth.force_n.begin(), truth.force_n.end()), 0.4);
+    for (const char* const hz : kPhysics_hz) {
+      const double worst_n = apart_n(push(how, physics_at(hz)), truth);
+      std::printf("%s, physics %s Hz: at most %.4f N off\n", each.what, hz, worst_n);
+      EXPECT_LE(worst_n, 0.1) << each.what << ", physics " << hz;
+    }
   }
 }
 
@@ -190,19 +226,19 @@ TEST(FreeBall, StrokedAlongItsTopRollsAsFarAsInTruth) {
 }
 
 // What is round is held below its axis, wherever it has turned. As a foot that turns along it braked, and the finger
-// ran off in front of it after half of the way.
+// ran off in front of it after half of the way. With one of its ends at a time on the floor it ended 0.5 mm off.
 TEST(FreeCapsule, StrokedAlongItsTopRollsAsFarAsInTruth) {
   expect_rolls_as_in_truth(
       "mass_kg: 0.1, shape: {capsule: {radius_m: 0.012, length_m: 0.06}}, orientation_wxyz: [0.70710678, 0, 0, "
       "0.70710678]",
-      1.4e-3);
+      0.1e-3);
 }
 
 TEST(FreeCylinder, StrokedAlongItsTopRollsAsFarAsInTruth) {
   expect_rolls_as_in_truth(
       "mass_kg: 0.1, shape: {cylinder: {radius_m: 0.012, length_m: 0.05}}, orientation_wxyz: [0.70710678, 0, 0, "
       "0.70710678]",
-      1.4e-3);
+      0.1e-3);
 }
 
 }  // namespace

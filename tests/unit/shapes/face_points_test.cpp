@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -246,6 +247,72 @@ TEST(FacePoints, SpanTheAreaThatBothFacesShare) {
         *std::min_element(out.gap_m.begin(), out.gap_m.begin() + static_cast<std::ptrdiff_t>(out.count));
     EXPECT_LE(nearest_m, lowest_m + 0.005) << turn;
   }
+}
+
+const Cylinder kCan{0.02, 0.06};
+
+FacePoints rim_of(const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder, const Vector3d& way_W) {
+  FacePoints out;
+  EXPECT_TRUE(face_points(kCan, q_WB, p_WB, holder, way_W, out));
+  return out;
+}
+
+TEST(RimPoints, OfACylinderThatStandsBeginWhereItWouldTip) {
+  const FacePoints out =
+      rim_of(Quaterniond::Identity(), Vector3d(0.5, 0.031, 0.2), kFloor, Vector3d(0.003, 0.2, 0.004));
+  ASSERT_EQ(out.count, 4u);
+  EXPECT_EQ(out.normal, Vector3d::UnitY());
+  for (const Vector3d& way :
+       {Vector3d(0.6, 0, 0.8), Vector3d(-0.6, 0, -0.8), Vector3d(0.8, 0, -0.6), Vector3d(-0.8, 0, 0.6)}) {
+    EXPECT_TRUE(has_point(out, Vector3d(0.5, 0.001, 0.2) + 0.02 * way)) << way.transpose();
+  }
+  for (const double gap_m : out.gap_m) EXPECT_NEAR(gap_m, 0.001, 1e-15);
+}
+
+TEST(RimPoints, OfACylinderThatLeansHaveTheLowestOne) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  for (int i = 0; i < 200; ++i) {
+    const Vector3d about = Vector3d(any(random), any(random), any(random)).normalized();
+    Quaterniond q_WB(AngleAxisd(1.2 * any(random), about));
+    if (i % 2 == 1) q_WB = q_WB * Quaterniond(AngleAxisd(std::numbers::pi, Vector3d::UnitX()));  // upside down
+    const Vector3d axis = q_WB * Vector3d(Vector3d::UnitY());
+    if (std::hypot(axis.x(), axis.z()) < 0.01) continue;
+    const FacePoints out = rim_of(q_WB, Vector3d(0.0, 0.1, 0.0), kFloor, Vector3d::Zero());
+    ASSERT_EQ(out.count, 4u);
+    const double lowest_m = 0.1 - 0.03 * std::abs(axis.y()) - 0.02 * std::hypot(axis.x(), axis.z());
+    EXPECT_NEAR(*std::min_element(out.gap_m.begin(), out.gap_m.end()), lowest_m, 1e-12);
+    for (std::size_t k = 0; k < out.count; ++k) {
+      const Vector3d in_can = q_WB.conjugate() * (out.point_m[k] - Vector3d(0.0, 0.1, 0.0));
+      EXPECT_NEAR(std::hypot(in_can.x(), in_can.z()), 0.02, 1e-12);
+      EXPECT_NEAR(std::abs(in_can.y()), 0.03, 1e-12);
+      EXPECT_NEAR(out.gap_m[k], out.point_m[k].y(), 1e-12);
+    }
+  }
+}
+
+// However it is turned, it must hold out as far as the table does, or it would tip too early.
+TEST(RimPoints, EndAtTheEdgeOfTheTable) {
+  for (const double beyond_m : {0.0005, 0.003, 0.01, 0.02, 0.03, 0.039}) {
+    for (const double turned_rad : {0.0, 0.3, 1.0, 2.5}) {
+      const Vector3d centre_m(0.1 - 0.02 + beyond_m, 0.03, 0.01);
+      const FacePoints out =
+          rim_of(Quaterniond::Identity(), centre_m, kTable, Vector3d(std::cos(turned_rad), 0.0, std::sin(turned_rad)));
+      ASSERT_GT(out.count, 0u) << beyond_m;
+      double farthest_m = -1.0, nearest_m = 1.0;
+      for (std::size_t k = 0; k < out.count; ++k) {
+        farthest_m = std::max(farthest_m, out.point_m[k].x());
+        nearest_m = std::min(nearest_m, out.point_m[k].x());
+        EXPECT_LE(std::hypot(out.point_m[k].x() - centre_m.x(), out.point_m[k].z() - centre_m.z()), 0.02 + 1e-12);
+        EXPECT_NEAR(out.gap_m[k], 0.0, 1e-15);
+      }
+      const double edge_m = std::min(0.1, centre_m.x() + 0.02);
+      EXPECT_LE(farthest_m, 0.1 + 1e-12);
+      EXPECT_NEAR(farthest_m, edge_m, 0.0016) << "of eight corners, beyond " << beyond_m << " turned " << turned_rad;
+      EXPECT_LT(nearest_m, centre_m.x() - 0.012);
+    }
+  }
+  EXPECT_EQ(rim_of(Quaterniond::Identity(), Vector3d(0.13, 0.03, 0.0), kTable, Vector3d::Zero()).count, 0u);
 }
 
 }  // namespace
