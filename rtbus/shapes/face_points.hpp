@@ -33,8 +33,10 @@ struct FacePoints {
 
 /// The rim of the cap that looks at the face: its lowest point, the one across, and those to both sides. What of the
 /// cap is beyond an edge of a box is cut off.
-/// @param held A cylinder that does not lie on its side. @param way_W Where its lowest point is taken to be while it
-/// stands upright, where all are as low: to where it would tip. Any length; along the axis or zero: anywhere.
+/// @param held A cylinder that does not lie on its side. @param q_WB Its orientation. @param p_WB Its centre, in W.
+/// @param holder What it lies on: a plane or a box. @param out Set; its count is 0 where that is not so.
+/// @param way_W Where its lowest point is taken to be while it stands upright, where all are as low: to where it would
+/// tip. Any length; along the axis or zero: anywhere.
 /// @returns as above. @realtime Yes.
 [[nodiscard]] bool face_points(const Cylinder& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB,
                                const PlacedShape& holder, const Eigen::Vector3d& way_W, FacePoints& out) noexcept;

@@ -15,7 +15,8 @@ inline constexpr double kHardlyHigher_m = 1e-3;
 /// The points of `held` that are hardly higher than its lowest one over the plane. Of more than four the four that are
 /// farthest apart along two axes of the hull, the lowest one among them.
 /// @param held The hull. @param q_WB Orientation of the hull's frame. @param p_WB Its origin, in W. @param plane What
-/// it lies on. @param out Set; its count is 0 where that is no plane, or the hull is empty. @realtime Yes.
+/// it lies on. @param higher_m Than the lowest one, at most. @param out Set; its count is 0 where that is no plane, or
+/// the hull is empty. @realtime Yes.
 void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB,
                  const PlacedShape& plane, FacePoints& out, double higher_m = kHardlyHigher_m) noexcept;
 
