@@ -105,7 +105,7 @@ void BulletSolver::find_piles(btPersistentManifold** manifolds, int count) {
     const std::size_t group = group_of(static_cast<int>(i));
     in_pile_[i] = size[group] > kMostTogether || most[group] > kMostMassRatio * least[group];
     btRigidBody* const body = m_tmpSolverBodyPool[static_cast<int>(i)].m_originalBody;
-    if (body != nullptr) PlaneContacts::set_alone(*body, size[group] == 1);
+    if (body != nullptr) PlaneContacts::set_in_pile(*body, in_pile_[i]);
   }
 }
 

@@ -103,6 +103,7 @@ void PlaneContacts::processCollision(const btCollisionObjectWrapper* first, cons
   Found found;
   find(*held.getCollisionShape(), held.getWorldTransform(), plane, within, found);
 
+  // Each goes on from the impulses of the nearest one before.
   std::array<btManifoldPoint, MANIFOLD_CACHE_SIZE> before;
   const int known = manifold_->getNumContacts();
   for (int i = 0; i < known; ++i) before[static_cast<std::size_t>(i)] = manifold_->getContactPoint(i);
@@ -114,22 +115,23 @@ void PlaneContacts::processCollision(const btCollisionObjectWrapper* first, cons
     const auto gap = static_cast<btScalar>(found.gap[i]);
     out->addContactPoint(up, to_bullet(found.point[i]) - gap * up, gap);
   }
-  // The nearest one goes on with the impulses of each that was there before.
-  for (int k = 0; k < known && manifold_->getNumContacts() > 0; ++k) {
-    const btManifoldPoint& old = before[static_cast<std::size_t>(k)];
-    btManifoldPoint* nearest = &manifold_->getContactPoint(0);
-    for (int i = 1; i < manifold_->getNumContacts(); ++i) {
-      btManifoldPoint& point = manifold_->getContactPoint(i);
-      if (point.m_localPointA.distance2(old.m_localPointA) < nearest->m_localPointA.distance2(old.m_localPointA)) {
-        nearest = &point;
+  for (int i = 0; i < manifold_->getNumContacts(); ++i) {
+    btManifoldPoint& point = manifold_->getContactPoint(i);
+    const btManifoldPoint* nearest = nullptr;
+    for (int k = 0; k < known; ++k) {
+      const btManifoldPoint& each = before[static_cast<std::size_t>(k)];
+      if (nearest == nullptr ||
+          each.m_localPointA.distance2(point.m_localPointA) < nearest->m_localPointA.distance2(point.m_localPointA)) {
+        nearest = &each;
       }
     }
-    nearest->m_appliedImpulse = old.m_appliedImpulse;
-    nearest->m_appliedImpulseLateral1 = old.m_appliedImpulseLateral1;
-    nearest->m_appliedImpulseLateral2 = old.m_appliedImpulseLateral2;
-    nearest->m_lateralFrictionDir1 = old.m_lateralFrictionDir1;
-    nearest->m_lateralFrictionDir2 = old.m_lateralFrictionDir2;
-    nearest->m_lifeTime = old.m_lifeTime;
+    if (nearest == nullptr) continue;
+    point.m_appliedImpulse = nearest->m_appliedImpulse;
+    point.m_appliedImpulseLateral1 = nearest->m_appliedImpulseLateral1;
+    point.m_appliedImpulseLateral2 = nearest->m_appliedImpulseLateral2;
+    point.m_lateralFrictionDir1 = nearest->m_lateralFrictionDir1;
+    point.m_lateralFrictionDir2 = nearest->m_lateralFrictionDir2;
+    point.m_lifeTime = nearest->m_lifeTime;
   }
 }
 

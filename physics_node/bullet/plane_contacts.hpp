@@ -10,8 +10,8 @@ namespace physics::bullet {
 /// slides, turns or rolls has lost some of them in most steps, and rocks. This one finds all of them in each step, and
 /// where the haptic loop finds them: the corners of a box, of a hull up to four that are low (rtbus::shapes::
 /// face_points(), hull_points()), of a cylinder those of the rim and the ends of its side, and both ends of a capsule.
-/// Bodies that touch each other keep Bullet's: with all points a stack of light boxes takes more iterations to rest. So
-/// do very light ones, which take room under the tool.
+/// A body of a pile keeps Bullet's: with all points a stack of light boxes takes more iterations to rest. So does a
+/// very light one, which takes room under the tool.
 class PlaneContacts final : public btCollisionAlgorithm {
  public:
   /// For btCollisionDispatcher::registerCollisionCreateFunc, in either order of the two.
@@ -29,9 +29,9 @@ class PlaneContacts final : public btCollisionAlgorithm {
   static constexpr int kShapes[] = {BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE, CYLINDER_SHAPE_PROXYTYPE,
                                     CAPSULE_SHAPE_PROXYTYPE};
 
-  /// Told by the solver in each step: whether that body touches no other one that moves. Before that it is not alone.
-  static void set_alone(btCollisionObject& body, bool alone) {
-    if (body.getUserIndex2() != kBullets) body.setUserIndex2(alone ? kAlone : kAmongOthers);
+  /// Told by the solver in each step: whether that body is one of a pile. One that has never been solved is.
+  static void set_in_pile(btCollisionObject& body, bool in_pile) {
+    if (body.getUserIndex2() != kBullets) body.setUserIndex2(in_pile ? kInPile : kAlone);
   }
   /// For ever.
   static void leave_to_bullet(btCollisionObject& body) { body.setUserIndex2(kBullets); }
@@ -55,7 +55,7 @@ class PlaneContacts final : public btCollisionAlgorithm {
   static void find(const btCollisionShape& shape, const btTransform& pose, const btTransform& plane, double within,
                    Found& out);
 
-  static constexpr int kAmongOthers = -1, kAlone = 1, kBullets = 2;  ///< -1 is what Bullet begins with.
+  static constexpr int kInPile = -1, kAlone = 1, kBullets = 2;  ///< -1 is what Bullet begins with.
 
   btPersistentManifold* manifold_;
   btConvexPlaneCollisionAlgorithm bullets_;  ///< Works on the same manifold.
