@@ -10,6 +10,9 @@ namespace rtbus::shapes {
 
 using Eigen::Vector3d;
 
+/// A point that is lower by less than this part of `higher_m` is as high: what lies on many keeps its four.
+constexpr double kSame = 1e-3;
+
 void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& plane,
                  FacePoints& out, double higher_m) noexcept {
   out.count = 0;
@@ -21,9 +24,12 @@ void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3
   const std::size_t count = std::min(held.points_m.size(), Hull::kMost);
   std::array<double, Hull::kMost> height_m;
   std::size_t lowest = 0;
+  double low_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < count; ++i) {
     height_m[i] = up.dot(held.points_m[i]);
-    if (height_m[i] < height_m[lowest]) lowest = i;
+    if (height_m[i] >= low_m) continue;
+    low_m = height_m[i];
+    lowest = i;
   }
   Eigen::Index axis = 0;
   (void)up.cwiseAbs().minCoeff(&axis);
@@ -31,10 +37,12 @@ void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3
   // Ahead, back, and to the sides along the diagonals of u and v.
   std::array<std::size_t, FacePoints::kMost> far;
   far.fill(lowest);
+  std::array<double, FacePoints::kMost> far_height_m;
+  far_height_m.fill(low_m);
   std::array<double, FacePoints::kMost> most_m;
   most_m.fill(-std::numeric_limits<double>::infinity());
   for (std::size_t i = 0; i < count; ++i) {
-    if (height_m[i] > height_m[lowest] + higher_m) continue;
+    if (height_m[i] > low_m + higher_m) continue;
     const double along_m = u.dot(held.points_m[i]), across_m = v.dot(held.points_m[i]);
     const std::array<double, FacePoints::kMost> way_m{along_m + across_m, along_m - across_m, -along_m - across_m,
                                                       across_m - along_m};
@@ -42,11 +50,14 @@ void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3
       if (way_m[k] <= most_m[k]) continue;
       most_m[k] = way_m[k];
       far[k] = i;
+      far_height_m[k] = height_m[i];
     }
   }
-  if (std::find(far.begin(), far.end(), lowest) == far.end()) {
-    *std::max_element(far.begin(), far.end(), [&](std::size_t a, std::size_t b) { return height_m[a] < height_m[b]; }) =
-        lowest;
+  const auto [least, most] = std::minmax_element(far_height_m.begin(), far_height_m.end());
+  if (*least > low_m + kSame * higher_m) {
+    const auto highest = static_cast<std::size_t>(most - far_height_m.begin());
+    far[highest] = lowest;
+    far_height_m[highest] = low_m;
   }
   for (std::size_t k = 0; k < far.size(); ++k) {
     if (std::find(far.begin(), far.begin() + static_cast<std::ptrdiff_t>(k), far[k]) !=
@@ -54,7 +65,7 @@ void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3
       continue;
     }
     out.point_m[out.count] = p_WB + q_WB * held.points_m[far[k]];
-    out.gap_m[out.count++] = origin_m + height_m[far[k]];
+    out.gap_m[out.count++] = origin_m + far_height_m[k];
   }
 }
 

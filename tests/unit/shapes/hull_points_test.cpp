@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "rtbus/shapes/hull_points.hpp"
 
@@ -79,6 +80,34 @@ TEST(HullPoints, OfWhatTipsALittleStayTheCorners) {
   ASSERT_EQ(found.count, 4U);
   const auto [least, most] = std::minmax_element(found.gap_m.begin(), found.gap_m.end());
   EXPECT_NEAR(*most - *least, 2.0 * kHalf_m.x() * std::sin(0.002), 1e-12);
+}
+
+// Which of many is the lowest one is noise: a hull that slid on a ring of points had another one in each step, and
+// rocked.
+TEST(HullPoints, OfWhatLiesOnManyStayTheSameFour) {
+  Hull ring;
+  for (int i = 0; i < 26; ++i) {
+    const double angle = 2.0 * std::numbers::pi * i / 26.0;
+    ring.points_m.emplace_back(0.02 * std::cos(angle), 0.0, 0.02 * std::sin(angle));
+  }
+  ring.points_m.emplace_back(0.0, 0.03, 0.0);
+  const PlacedShape floor{Plane{}, Quaterniond::Identity(), Vector3d::Zero()};
+  FacePoints level, leans, tips;
+  hull_points(ring, Quaterniond::Identity(), Vector3d::Zero(), floor, level);
+  ASSERT_EQ(level.count, 4U);
+  for (int i = 0; i < 26; ++i) {
+    const double angle = 2.0 * std::numbers::pi * (i + 0.3) / 26.0;
+    const Vector3d about(std::cos(angle), 0.0, std::sin(angle));
+    hull_points(ring, Quaterniond(AngleAxisd(1e-6, about)), Vector3d::Zero(), floor, leans);
+    ASSERT_EQ(leans.count, 4U);
+    for (const Vector3d& point_m : leans.point_m) {
+      const auto is_it = [&](const Vector3d& other_m) { return (point_m - other_m).norm() < 1e-6; };
+      EXPECT_TRUE(std::any_of(level.point_m.begin(), level.point_m.end(), is_it)) << i;
+    }
+    hull_points(ring, Quaterniond(AngleAxisd(1e-3, about)), Vector3d::Zero(), floor, tips);
+    const double least_m = *std::min_element(tips.gap_m.begin(), tips.gap_m.end());
+    EXPECT_LT(least_m, 1e-6 - 0.02 * std::sin(1e-3) * std::cos(std::numbers::pi / 26.0)) << "it tips over the lowest";
+  }
 }
 
 TEST(HullPoints, AreNoneWhereThereIsNoPlane) {
