@@ -3,6 +3,8 @@
 #include <array>
 #include <new>
 
+#include <BulletCollision/CollisionDispatch/btConvexConvexAlgorithm.h>
+
 #include "physics_node/bullet/units.hpp"
 #include "rtbus/shapes/face_points.hpp"
 #include "rtbus/shapes/hull_points.hpp"
@@ -19,6 +21,7 @@ btCollisionAlgorithm* PlaneContacts::Factory::CreateCollisionAlgorithm(btCollisi
   if (shape.getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE && shape.getUserPointer() == nullptr) {
     return others_->CreateCollisionAlgorithm(info, first, second);
   }
+  static_assert(sizeof(PlaneContacts) <= sizeof(btConvexConvexAlgorithm), "Bullet's pool has room for one of its own");
   void* const memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(PlaneContacts));
   return new (memory) PlaneContacts(info, first, second, m_swapped);
 }
