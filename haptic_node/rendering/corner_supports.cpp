@@ -23,9 +23,7 @@ constexpr double kTilts_m = 20e-6;
 constexpr double kBefore_m = 10e-3;
 /// A step that is lower is none: bodies sink in, and tilt, by less.
 constexpr double kSeam_m = 1e-3;
-/// A cylinder stands where its axis is so near to the normal (a cosine) …
-constexpr double kUpright = 0.1;
-/// … and where its load is so far from the axis, in radii, it would tip that way.
+/// Where the load of a cylinder that stands is so far from its axis, in radii, it would tip that way.
 constexpr double kOffMiddle = 0.05;
 
 /// @returns the least gap; none: there is no corner.
@@ -135,7 +133,7 @@ bool CornerSupports::stands_upright(const BodyMotion& motion, std::size_t first,
   double most_n = -1.0;
   for (std::size_t i = first; i < supports.count; ++i) {
     const Support& told = supports.rows[i];
-    if (told.round_m > 0.0 || std::abs(axis.dot(told.normal)) < kUpright) return false;
+    if (told.round_m > 0.0) return false;
     const Vector3d from_axis_m = told.from_centre_m - axis.dot(told.from_centre_m) * axis;
     if (told.force_n <= most_n || from_axis_m.norm() < kOffMiddle * cylinder_->radius_m) continue;
     most_n = told.force_n;

@@ -101,16 +101,16 @@ struct Polygon {
   bool cut(const Vector3d& outward, double reach_m) noexcept {
     std::array<Vector3d, kMost> kept{};
     std::size_t n = 0;
+    bool off = false;
     for (std::size_t i = 0; i < count; ++i) {
       const Vector3d &from = corner_m[i], &to = corner_m[(i + 1) % count];
       const double before = outward.dot(from) - reach_m, after = outward.dot(to) - reach_m;
       if (before <= 0.0 && n < kMost) kept[n++] = from;
+      off = off || before > 0.0;
       if ((before < 0.0 && after > 0.0) || (before > 0.0 && after < 0.0)) {
         if (n < kMost) kept[n++] = from + before / (before - after) * (to - from);
       }
     }
-    const bool off = !std::equal(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(n), corner_m.begin(),
-                                 corner_m.begin() + static_cast<std::ptrdiff_t>(count));
     corner_m = kept;
     count = n;
     return off;

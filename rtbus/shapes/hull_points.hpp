@@ -13,7 +13,8 @@ namespace rtbus::shapes {
 inline constexpr double kHardlyHigher_m = 1e-3;
 
 /// The points of `held` that are hardly higher than its lowest one over the plane. Of more than four the four that are
-/// farthest apart along two axes of the hull, the lowest one among them.
+/// farthest apart along two axes of the hull. The lowest one is among them where it is lower than these by a thousandth
+/// of `higher_m`: which of many it is otherwise is noise.
 /// @param held The hull. @param q_WB Orientation of the hull's frame. @param p_WB Its origin, in W. @param plane What
 /// it lies on. @param higher_m Than the lowest one, at most. @param out Set; its count is 0 where that is no plane, or
 /// the hull is empty. @realtime Yes.
