@@ -262,8 +262,11 @@ bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const 
   if (cylinder_ != nullptr) {
     return rtbus::shapes::face_points(*cylinder_, q_WB, centre_m, holder, q_WB * tips_B_, out);
   }
-  rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, holder, out);
-  return out.count > 0;
+  out.count = 0;
+  const auto face = rtbus::shapes::face_towards(holder, centre_m);
+  if (!face) return false;
+  rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, *face, out);
+  return out.count > 0 && out.are_over(*face);
 }
 
 void CornerSupports::find(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {

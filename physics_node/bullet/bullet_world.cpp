@@ -47,10 +47,7 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
       scale_(length_scale(smallest_m_)),
       scene_file_(scene.file),
       configuration_(std::move(configuration)),
-      on_plane_(false,
-                configuration_->getCollisionAlgorithmCreateFunc(CONVEX_HULL_SHAPE_PROXYTYPE, STATIC_PLANE_PROXYTYPE)),
-      plane_under_(
-          true, configuration_->getCollisionAlgorithmCreateFunc(STATIC_PLANE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE)),
+      face_contacts_(*configuration_),
       dispatcher_(configuration_.get()),
       world_(make_dynamics(&dispatcher_, &broadphase_, &solver_, configuration_.get())) {
   world_->setGravity(to_bullet(scene.gravity_m_s2, scale_));
@@ -68,10 +65,7 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
   dispatcher_.registerCollisionCreateFunc(
       SPHERE_SHAPE_PROXYTYPE, SPHERE_SHAPE_PROXYTYPE,
       configuration_->getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE));
-  for (const int shape : PlaneContacts::kShapes) {
-    dispatcher_.registerCollisionCreateFunc(shape, STATIC_PLANE_PROXYTYPE, &on_plane_);
-    dispatcher_.registerCollisionCreateFunc(STATIC_PLANE_PROXYTYPE, shape, &plane_under_);
-  }
+  face_contacts_.add_to(dispatcher_);
 
   // Copies in a grid share their shape: the reader gives neighbours the same dimensions and file.
   bodies_.reserve(scene.bodies.size());
@@ -243,7 +237,7 @@ void BulletWorld::find_light_bodies(double below_kg) {
     const auto inverse = static_cast<double>(body.rigid->getInvMass());
     if (body.light || inverse * below_kg <= 1.0) continue;
     body.light = any_light_ = true;
-    PlaneContacts::leave_to_bullet(*body.rigid);
+    FaceContacts::leave_to_bullet(*body.rigid);
     btBroadphaseProxy& handle = *body.rigid->getBroadphaseHandle();
     handle.m_collisionFilterGroup |= kLightGroup;
     handle.m_collisionFilterMask |= kToolGroup;

@@ -12,7 +12,7 @@
 #include "physics_node/bullet/bullet_proxy.hpp"
 #include "physics_node/bullet/bullet_shapes.hpp"
 #include "physics_node/bullet/bullet_solver.hpp"
-#include "physics_node/bullet/plane_contacts.hpp"
+#include "physics_node/bullet/face_contacts.hpp"
 #include "physics_node/bullet/rest_watch.hpp"
 #include "physics_node/engine/engine_module.hpp"
 
@@ -169,7 +169,7 @@ class BulletWorld : public World {
 
   // Bullet's parts, in the order in which they need each other.
   std::unique_ptr<btDefaultCollisionConfiguration> configuration_;
-  PlaneContacts::Factory on_plane_, plane_under_;
+  FaceContacts::Factories face_contacts_;
   btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
   BulletSolver solver_;

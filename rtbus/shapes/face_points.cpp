@@ -56,13 +56,6 @@ struct Axes {
   }
 };
 
-/// A rectangle, or a plane without edges.
-struct Face {
-  Vector3d normal, centre_m;
-  Vector3d u = Vector3d::UnitX(), v = Vector3d::UnitZ();  ///< Unit, along the edges.
-  double half_u_m = std::numeric_limits<double>::infinity(), half_v_m = half_u_m;
-};
-
 /// The face of a box that looks most along `direction`.
 Face face_of(const Axes& box, const Vector3d& direction) noexcept {
   std::size_t axis = 0;
@@ -233,6 +226,24 @@ bool add_crossing(const Axes& held, const Axes& holder, const Way& face, FacePoi
 
 }  // namespace
 
+std::optional<Face> face_towards(const PlacedShape& holder, const Vector3d& point_m) noexcept {
+  if (std::holds_alternative<Plane>(holder.shape)) return plane_of(holder);
+  const auto* const box = std::get_if<Box>(&holder.shape);
+  if (box == nullptr) return std::nullopt;
+  const Axes axes(*box, holder.q_WB, holder.p_WB);
+  const Vector3d from_m = point_m - holder.p_WB;
+  Vector3d best = axes.axis[0];
+  double best_m = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double along_m = axes.axis[i].dot(from_m);
+    const double beyond_m = std::abs(along_m) - axes.half_m[static_cast<Eigen::Index>(i)];
+    if (beyond_m <= best_m) continue;
+    best_m = beyond_m;
+    best = along_m < 0.0 ? Vector3d(-axes.axis[i]) : axes.axis[i];
+  }
+  return face_of(axes, best);
+}
+
 bool face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,
                  FacePoints& out) noexcept {
   out.count = 0;
@@ -261,15 +272,21 @@ bool face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB,
 bool face_points(const Cylinder& held, const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,
                  const Vector3d& way_W, FacePoints& out) noexcept {
   out.count = 0;
-  const Vector3d axis = q_WB * Vector3d(Vector3d::UnitY());
-  Face face;
   if (std::holds_alternative<Plane>(holder.shape)) {
-    face = plane_of(holder);
+    face_points(held, q_WB, p_WB, plane_of(holder), way_W, out);
   } else if (const auto* const below = std::get_if<Box>(&holder.shape)) {
-    face = nearest_face(Axes(*below, holder.q_WB, holder.p_WB), held, axis, p_WB);
+    const Vector3d axis = q_WB * Vector3d(Vector3d::UnitY());
+    face_points(held, q_WB, p_WB, nearest_face(Axes(*below, holder.q_WB, holder.p_WB), held, axis, p_WB), way_W, out);
   } else {
     return false;
   }
+  return true;
+}
+
+void face_points(const Cylinder& held, const Quaterniond& q_WB, const Vector3d& p_WB, const Face& face,
+                 const Vector3d& way_W, FacePoints& out) noexcept {
+  out.count = 0;
+  const Vector3d axis = q_WB * Vector3d(Vector3d::UnitY());
   const Vector3d down = axis.dot(face.normal) > 0.0 ? Vector3d(-axis) : axis;
   const auto across = [&](const Vector3d& way) { return Vector3d(way - down.dot(way) * down); };
   Vector3d ahead = across(-face.normal);
@@ -286,14 +303,13 @@ bool face_points(const Cylinder& held, const Quaterniond& q_WB, const Vector3d& 
   const Vector3d edge = rim.cut(face);
   if (edge.isZero(0.0)) {
     for (std::size_t i = 0; i < kRim; i += kRim / FacePoints::kMost) add_point(face, rim.corner_m[i], false, out);
-    return true;
+    return;
   }
   const Vector3d along = face.normal.cross(edge);
   for (const Vector3d& way : {Vector3d(edge + kAlongCut * along), Vector3d(edge - kAlongCut * along),
                               Vector3d(-edge - along), Vector3d(along - edge)}) {
     if (rim.count > 0) add_point(face, rim.corner_m[rim.farthest(way)], false, out);
   }
-  return true;
 }
 
 }  // namespace rtbus::shapes

@@ -1,8 +1,12 @@
 #pragma once
 /// @file face_points.hpp
-/// Where a box, or a cylinder that stands, lies on a plane or on a box.
+/// Faces of planes and boxes, and where a box, or a cylinder that stands, lies on one.
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
+#include <limits>
+#include <optional>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -11,6 +15,22 @@
 
 namespace rtbus::shapes {
 
+/// A rectangle, or a plane without edges.
+struct Face {
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitY(), centre_m = Eigen::Vector3d::Zero();  ///< Outward; in W.
+  Eigen::Vector3d u = Eigen::Vector3d::UnitX(), v = Eigen::Vector3d::UnitZ();             ///< Unit, along the edges.
+  double half_u_m = std::numeric_limits<double>::infinity(), half_v_m = half_u_m;
+
+  /// Whether a point is on it, or straight above or below.
+  [[nodiscard]] bool is_under(const Eigen::Vector3d& point_m) const noexcept {
+    const Eigen::Vector3d from_m = point_m - centre_m;
+    return std::abs(u.dot(from_m)) <= half_u_m && std::abs(v.dot(from_m)) <= half_v_m;
+  }
+};
+
+/// The face of a plane or box that a point is farthest beyond. @returns none for what is neither. @realtime Yes.
+[[nodiscard]] std::optional<Face> face_towards(const PlacedShape& holder, const Eigen::Vector3d& point_m) noexcept;
+
 /// Corners of the area that two faces share.
 struct FacePoints {
   static constexpr std::size_t kMost = 4;
@@ -18,6 +38,12 @@ struct FacePoints {
   std::array<Eigen::Vector3d, kMost> point_m{};       ///< Of the held body, in W.
   std::array<double, kMost> gap_m{};                  ///< Along the normal; negative: inside.
   std::size_t count = 0;                              ///< 0: the two lie beside each other.
+
+  /// Whether none is beyond its edges.
+  [[nodiscard]] bool are_over(const Face& face) const noexcept {
+    return std::all_of(point_m.begin(), point_m.begin() + static_cast<std::ptrdiff_t>(count),
+                       [&face](const Eigen::Vector3d& each_m) { return face.is_under(each_m); });
+  }
 };
 
 /// Of all faces of both, the one from which the other body is farthest (S. Gottschalk, M. C. Lin, D. Manocha,
@@ -40,5 +66,9 @@ struct FacePoints {
 /// @returns as above. @realtime Yes.
 [[nodiscard]] bool face_points(const Cylinder& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB,
                                const PlacedShape& holder, const Eigen::Vector3d& way_W, FacePoints& out) noexcept;
+
+/// The same on a face, cut off at its edges. @realtime Yes.
+void face_points(const Cylinder& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB, const Face& face,
+                 const Eigen::Vector3d& way_W, FacePoints& out) noexcept;
 
 }  // namespace rtbus::shapes

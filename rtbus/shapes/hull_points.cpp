@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <limits>
-#include <variant>
 
 namespace rtbus::shapes {
 
@@ -13,14 +12,14 @@ using Eigen::Vector3d;
 /// A point that is lower by less than this part of `higher_m` is as high: what lies on many keeps its four.
 constexpr double kSame = 1e-3;
 
-void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& plane,
+void hull_points(const Hull& held, const Eigen::Quaterniond& q_WB, const Vector3d& p_WB, const Face& face,
                  FacePoints& out, double higher_m) noexcept {
   out.count = 0;
-  if (!std::holds_alternative<Plane>(plane.shape) || held.points_m.empty()) return;
-  out.normal = plane.q_WB * Vector3d(Vector3d::UnitY());
+  if (held.points_m.empty()) return;
+  out.normal = face.normal;
   // In the hull's frame, where each point is looked at once for its height.
   const Vector3d up = q_WB.conjugate() * out.normal;
-  const double origin_m = out.normal.dot(p_WB - plane.p_WB);
+  const double origin_m = out.normal.dot(p_WB - face.centre_m);
   const std::size_t count = std::min(held.points_m.size(), Hull::kMost);
   std::array<double, Hull::kMost> height_m;
   std::size_t lowest = 0;

@@ -12,6 +12,8 @@ namespace hull_points_test {
 using Eigen::AngleAxisd;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
+using rtbus::shapes::Face;
+using rtbus::shapes::face_towards;
 using rtbus::shapes::FacePoints;
 using rtbus::shapes::Hull;
 using rtbus::shapes::PlacedShape;
@@ -36,7 +38,8 @@ FacePoints points_of(const Quaterniond& q_WB, double height_m) {
   plane.p_WB = {0.3, -0.1, 0.2};
   plane.q_WB = Quaterniond(AngleAxisd(0.3, Vector3d::UnitX()));
   const Vector3d centre_m = plane.p_WB + plane.q_WB * Vector3d(0.05, height_m, 0.02);
-  hull_points(box_hull(origin_m), plane.q_WB * q_WB, centre_m + plane.q_WB * (q_WB * origin_m), plane, out);
+  hull_points(box_hull(origin_m), plane.q_WB * q_WB, centre_m + plane.q_WB * (q_WB * origin_m),
+              *face_towards(plane, centre_m), out);
   EXPECT_NEAR((out.normal - plane.q_WB * Vector3d::UnitY()).norm(), 0.0, 1e-12);
   for (std::size_t i = 0; i < out.count; ++i) {
     EXPECT_NEAR(out.normal.dot(out.point_m[i] - plane.p_WB), out.gap_m[i], 1e-12);
@@ -91,7 +94,7 @@ TEST(HullPoints, OfWhatLiesOnManyStayTheSameFour) {
     ring.points_m.emplace_back(0.02 * std::cos(angle), 0.0, 0.02 * std::sin(angle));
   }
   ring.points_m.emplace_back(0.0, 0.03, 0.0);
-  const PlacedShape floor{Plane{}, Quaterniond::Identity(), Vector3d::Zero()};
+  const Face floor;
   FacePoints level, leans, tips;
   hull_points(ring, Quaterniond::Identity(), Vector3d::Zero(), floor, level);
   ASSERT_EQ(level.count, 4U);
@@ -110,14 +113,31 @@ TEST(HullPoints, OfWhatLiesOnManyStayTheSameFour) {
   }
 }
 
-TEST(HullPoints, AreNoneWhereThereIsNoPlane) {
+TEST(HullPoints, AreNoneOfAnEmptyHull) {
   FacePoints out;
   out.count = 3;
-  hull_points(Hull{}, Quaterniond::Identity(), Vector3d::Zero(), PlacedShape{Plane{}}, out);
+  hull_points(Hull{}, Quaterniond::Identity(), Vector3d::Zero(), Face{}, out);
   EXPECT_EQ(out.count, 0U);
-  hull_points(box_hull(Vector3d::Zero()), Quaterniond::Identity(), Vector3d::Zero(),
-              PlacedShape{rtbus::shapes::Box{kHalf_m}}, out);
-  EXPECT_EQ(out.count, 0U);
+}
+
+TEST(FaceTowards, IsTheFaceOfABoxThatAPointIsFarthestBeyond) {
+  const PlacedShape box{rtbus::shapes::Box{{0.2, 0.05, 0.1}}, Quaterniond(AngleAxisd(0.4, Vector3d::UnitY())),
+                        Vector3d(0.3, -0.05, 0.0)};
+  struct Place {
+    Vector3d from_centre, normal;  // in the frame of the box
+    bool is_under;
+  };
+  for (const Place& each :
+       {Place{{0.19, 0.06, 0.0}, Vector3d::UnitY(), true}, Place{{0.21, 0.10, 0.0}, Vector3d::UnitY(), false},
+        Place{{-0.25, 0.06, 0.02}, -Vector3d::UnitX(), false}, Place{{0.0, 0.01, -0.14}, -Vector3d::UnitZ(), true}}) {
+    const Vector3d point_m = box.p_WB + box.q_WB * each.from_centre;
+    const auto face = face_towards(box, point_m);
+    ASSERT_TRUE(face);
+    EXPECT_NEAR((face->normal - box.q_WB * each.normal).norm(), 0.0, 1e-12);
+    EXPECT_EQ(face->is_under(point_m), each.is_under) << each.from_centre.transpose();
+  }
+  EXPECT_FALSE(face_towards(PlacedShape{rtbus::shapes::Sphere{0.1}}, Vector3d::UnitY()));
+  EXPECT_TRUE(face_towards(PlacedShape{Plane{}}, Vector3d::UnitY())->is_under({1e3, 1.0, -1e3}));
 }
 
 }  // namespace hull_points_test

@@ -1,13 +1,15 @@
-/// How bodies of the engine bullet slide on a plane: without rocking, since all that touches is found in each step.
+/// How bodies of the engine bullet slide on a plane and on a table: without rocking, since all that touches is found in
+/// each step.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <vector>
 
 #include "tests/unit/bullet/scenes.hpp"
 
-namespace plane_contacts_test {
+namespace face_contacts_test {
 namespace {
 
 using tests::Vector3d;
@@ -31,10 +33,17 @@ struct Body {
   Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();
 };
 
-/// Rests for 0.2 s, and is pushed at its centre along the plane for 0.3 s. @returns how far its y axis leaves the
-/// upright, or the plane where it lies there, at most [rad].
-double tilts_rad(const Body& each, const Vector3d& push_n) {
+/// A plane, and the upper side of a box.
+std::vector<rtbus::config::Body> floors() {
+  return {tests::body("floor", shapes::Plane{}),
+          tests::body("table", shapes::Box{Vector3d(0.4, 0.05, 0.3)}, {0, -0.05, 0})};
+}
+
+/// Rests for 0.2 s, and is pushed at its centre along the floor for 0.3 s. @returns how far its y axis leaves the
+/// upright, or the floor where it lies there, at most [rad].
+double tilts_rad(const rtbus::config::Body& floor, const Body& each, const Vector3d& push_n) {
   rtbus::config::Scene scene = tests::floor_scene();
+  scene.bodies[0] = floor;
   scene.bodies.push_back(tests::body("body", each.shape, {0, each.height_m, 0}, kMass_kg));
   scene.bodies.back().q_WB = each.q_WB;
   const auto world = tests::bullet(scene);
@@ -50,27 +59,29 @@ double tilts_rad(const Body& each, const Vector3d& push_n) {
     most_rad = std::max(most_rad, std::min(std::abs(axis.y()), std::hypot(axis.x(), axis.z())));
   }
   EXPECT_GT((world->body_pose(1).position_m - before_m).norm(), 0.02) << each.what << " moves";
-  std::printf("%s tilts by %.2g rad\n", each.what, most_rad);
+  std::printf("%s on the %s tilts by %.2g rad\n", each.what, floor.name.c_str(), most_rad);
   return most_rad;
 }
 
 // With one point found in a step what slides lost corners, and tilted by up to some milliradians.
-TEST(BulletPlaneContacts, WhatSlidesDoesNotRock) {
+TEST(BulletFaceContacts, WhatSlidesDoesNotRock) {
   const Vector3d push_n = 1.5 * kFriction * kFriction * kMass_kg * 9.81 * Vector3d(0.6, 0, 0.8);
   for (const Body& each : {Body{"box", shapes::Box{Vector3d(0.03, 0.01, 0.02)}, 0.01}, Body{"wedge", wedge(), 0.0},
                            Body{"cylinder", rtbus::config::Cylinder{0.03, 0.02}, 0.01}}) {
-    EXPECT_LE(tilts_rad(each, push_n), 1e-6) << each.what;
+    for (const auto& floor : floors()) EXPECT_LE(tilts_rad(floor, each, push_n), 1e-6) << each.what << floor.name;
   }
 }
 
 // Nor does what rolls, which lay on one of its ends at a time.
-TEST(BulletPlaneContacts, WhatRollsDoesNotRock) {
+TEST(BulletFaceContacts, WhatRollsDoesNotRock) {
   const Eigen::Quaterniond lies(Eigen::AngleAxisd(std::acos(0.0), Vector3d::UnitX()));
   for (const Body& each : {Body{"lying cylinder", rtbus::config::Cylinder{0.01, 0.05}, 0.01, lies},
                            Body{"lying capsule", rtbus::config::Capsule{0.01, 0.05}, 0.01, lies}}) {
-    EXPECT_LE(tilts_rad(each, {0.3, 0, 0}), 1e-6) << each.what;
+    for (const auto& floor : floors()) {
+      EXPECT_LE(tilts_rad(floor, each, {0.3, 0, 0}), 1e-6) << each.what << floor.name;
+    }
   }
 }
 
 }  // namespace
-}  // namespace plane_contacts_test
+}  // namespace face_contacts_test
