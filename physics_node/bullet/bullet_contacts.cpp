@@ -190,7 +190,8 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
   }
   if (support.points == 0 || support.normal.norm() <= 0.0) return;
   support.normal.normalize();
-  // A box that slides loses some points of the manifold, at times all but one, and has them again some steps later.
+  // A box of a pile loses some points of the manifold when it slides, at times all but one, and has them again some
+  // steps later.
   if (has_face(held, support.normal) && has_face(other, support.normal)) support.points = std::max(support.points, 3U);
   support.friction = pair_friction(held, other);
   support.inverse_mass_per_kg = static_cast<double>(other.getInvMass());

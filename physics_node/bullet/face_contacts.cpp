@@ -1,10 +1,12 @@
 #include "physics_node/bullet/face_contacts.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <new>
 
+#include <BulletCollision/CollisionDispatch/btBoxBoxCollisionAlgorithm.h>
 #include <BulletCollision/CollisionDispatch/btConvexConvexAlgorithm.h>
 #include <BulletCollision/CollisionDispatch/btConvexPlaneCollisionAlgorithm.h>
 
@@ -34,45 +36,69 @@ shapes::PlacedShape placed(const btCollisionObjectWrapper& holder) {
   return out;
 }
 
+bool is_box(const btCollisionObjectWrapper& body) {
+  return body.getCollisionShape()->getShapeType() == BOX_SHAPE_PROXYTYPE;
+}
+
+/// Whether the area is thinner than that: at the end of one table and the beginning of the next one, as high, a box is
+/// on the upper side of that as much as before its front.
+bool is_sliver(const shapes::FacePoints& area, double thin) {
+  if (area.count < 3) return false;
+  const Vector3d from = area.point_m[2] - area.point_m[0];
+  const Vector3d across = area.point_m[area.count - 1] - area.point_m[1];
+  const double longest = std::max(from.norm(), across.norm());
+  return 0.5 * from.cross(across).norm() < thin * longest;
+}
+
+bool stands(const btCollisionObjectWrapper& body) { return body.getCollisionObject()->isStaticOrKinematicObject(); }
+
 }  // namespace
 
 FaceContacts::Factories::Factories(btCollisionConfiguration& bullets)
     : on_plane_(false, bullets.getCollisionAlgorithmCreateFunc(CONVEX_HULL_SHAPE_PROXYTYPE, STATIC_PLANE_PROXYTYPE)),
       under_plane_(true, bullets.getCollisionAlgorithmCreateFunc(STATIC_PLANE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE)),
       on_box_(false, bullets.getCollisionAlgorithmCreateFunc(CONVEX_HULL_SHAPE_PROXYTYPE, BOX_SHAPE_PROXYTYPE)),
-      under_box_(true, bullets.getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE)) {}
+      under_box_(true, bullets.getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE)),
+      two_boxes_(false, bullets.getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, BOX_SHAPE_PROXYTYPE)) {}
 
 void FaceContacts::Factories::add_to(btCollisionDispatcher& dispatcher) {
   for (const int shape : kShapes) {
     dispatcher.registerCollisionCreateFunc(shape, STATIC_PLANE_PROXYTYPE, &on_plane_);
     dispatcher.registerCollisionCreateFunc(STATIC_PLANE_PROXYTYPE, shape, &under_plane_);
-    if (shape == BOX_SHAPE_PROXYTYPE) continue;
     dispatcher.registerCollisionCreateFunc(shape, BOX_SHAPE_PROXYTYPE, &on_box_);
     dispatcher.registerCollisionCreateFunc(BOX_SHAPE_PROXYTYPE, shape, &under_box_);
   }
+  dispatcher.registerCollisionCreateFunc(BOX_SHAPE_PROXYTYPE, BOX_SHAPE_PROXYTYPE, &two_boxes_);
 }
 
 btCollisionAlgorithm* FaceContacts::Factory::CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
                                                                       const btCollisionObjectWrapper* first,
                                                                       const btCollisionObjectWrapper* second) {
-  const btCollisionShape& shape = *(m_swapped ? second : first)->getCollisionShape();
-  if (shape.getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE && shape.getUserPointer() == nullptr) {
+  const bool holder_first = m_swapped || (is_box(*first) && is_box(*second) && stands(*first));
+  const btCollisionObjectWrapper& held = holder_first ? *second : *first;
+  const btCollisionObjectWrapper& holder = holder_first ? *first : *second;
+  const bool unknown = held.getCollisionShape()->getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE &&
+                       held.getCollisionShape()->getUserPointer() == nullptr;
+  if (unknown || (is_box(held) && is_box(holder) && !stands(holder))) {
     return others_->CreateCollisionAlgorithm(info, first, second);
   }
   static_assert(sizeof(FaceContacts) <= sizeof(btConvexConvexAlgorithm), "Bullet's pool has room for one of its own");
   void* const memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(FaceContacts));
-  return new (memory) FaceContacts(info, first, second, *this);
+  return new (memory) FaceContacts(info, first, second, *this, holder_first);
 }
 
 FaceContacts::FaceContacts(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObjectWrapper* first,
-                           const btCollisionObjectWrapper* second, const Factory& factory)
-    : btCollisionAlgorithm(info), holder_first_(factory.m_swapped) {
+                           const btCollisionObjectWrapper* second, const Factory& factory, bool holder_first)
+    : btCollisionAlgorithm(info), holder_first_(holder_first) {
   const btCollisionObjectWrapper& held = holder_first_ ? *second : *first;
   const btCollisionObjectWrapper& holder = holder_first_ ? *first : *second;
   manifold_ = m_dispatcher->getNewManifold(held.getCollisionObject(), holder.getCollisionObject());
   if (holder.getCollisionShape()->getShapeType() == STATIC_PLANE_PROXYTYPE) {
     void* const memory = m_dispatcher->allocateCollisionAlgorithm(sizeof(btConvexPlaneCollisionAlgorithm));
     bullets_ = new (memory) btConvexPlaneCollisionAlgorithm(manifold_, info, &held, &holder, false, 1, 0);
+  } else if (is_box(held)) {
+    void* const memory = m_dispatcher->allocateCollisionAlgorithm(sizeof(btBoxBoxCollisionAlgorithm));
+    bullets_ = new (memory) btBoxBoxCollisionAlgorithm(manifold_, info, &held, &holder);
   } else {
     btCollisionAlgorithmConstructionInfo same(info);
     same.m_manifold = manifold_;
@@ -129,8 +155,9 @@ bool FaceContacts::find(const btCollisionObjectWrapper& held, const btCollisionO
     case BOX_SHAPE_PROXYTYPE: {
       const Vector3d half = from_bullet(static_cast<const btBoxShape&>(shape).getHalfExtentsWithMargin());
       (void)shapes::face_points(shapes::Box{half}, q_WB, centre, below, points);
+      out.normal = points.normal;
       out.add(points);
-      break;
+      return !is_sliver(points, out.within);
     }
     case CONVEX_HULL_SHAPE_PROXYTYPE: {
       const auto skin = static_cast<double>(static_cast<const btConvexHullShape&>(shape).getMargin());
@@ -178,10 +205,9 @@ void FaceContacts::processCollision(const btCollisionObjectWrapper* first, const
   out->setBody0Wrap(&held);
   out->setBody1Wrap(&holder);
   out->setPersistentManifold(manifold_);
-  const bool holder_stands = holder.getCollisionObject()->isStaticOrKinematicObject();
   Found found;
   found.within = static_cast<double>(manifold_->getContactBreakingThreshold());
-  if (is_alone(held) && (holder_stands || is_alone(holder)) && find(held, holder, found)) {
+  if (is_alone(held) && (stands(holder) || is_alone(holder)) && find(held, holder, found)) {
     tell(found, *out);
   } else {
     bullets_->processCollision(&held, &holder, info, out);

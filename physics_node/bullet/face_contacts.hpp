@@ -42,7 +42,7 @@ class FaceContacts final : public btCollisionAlgorithm {
  private:
   struct Found;
   FaceContacts(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObjectWrapper* first,
-               const btCollisionObjectWrapper* second, const Factory& factory);
+               const btCollisionObjectWrapper* second, const Factory& factory, bool holder_first);
   [[nodiscard]] static bool is_alone(const btCollisionObjectWrapper& body);
   [[nodiscard]] static bool find(const btCollisionObjectWrapper& held, const btCollisionObjectWrapper& holder,
                                  Found& out);
@@ -76,6 +76,7 @@ class FaceContacts::Factories {
 
  private:
   Factory on_plane_, under_plane_, on_box_, under_box_;  ///< Which of the two comes first: the body, or the holder.
+  Factory two_boxes_;                                    ///< What stands is the holder.
 };
 
 }  // namespace physics::bullet
