@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <new>
 
 #include <BulletCollision/CollisionDispatch/btBoxBoxCollisionAlgorithm.h>
@@ -12,7 +11,6 @@
 
 #include "physics_node/bullet/units.hpp"
 #include "rtbus/shapes/face_points.hpp"
-#include "rtbus/shapes/hull_points.hpp"
 
 namespace physics::bullet {
 
@@ -21,8 +19,6 @@ namespace shapes = rtbus::shapes;
 
 namespace {
 
-constexpr std::array kShapes{BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE, CYLINDER_SHAPE_PROXYTYPE,
-                             CAPSULE_SHAPE_PROXYTYPE};
 /// A cylinder that leans by more (a sine) has not its rim alone at the edge of a box.
 constexpr double kStands = 0.01;
 
@@ -62,7 +58,7 @@ FaceContacts::Factories::Factories(btCollisionConfiguration& bullets)
       two_boxes_(false, bullets.getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, BOX_SHAPE_PROXYTYPE)) {}
 
 void FaceContacts::Factories::add_to(btCollisionDispatcher& dispatcher) {
-  for (const int shape : kShapes) {
+  for (const int shape : BodyPoints::kShapes) {
     dispatcher.registerCollisionCreateFunc(shape, STATIC_PLANE_PROXYTYPE, &on_plane_);
     dispatcher.registerCollisionCreateFunc(STATIC_PLANE_PROXYTYPE, shape, &under_plane_);
     dispatcher.registerCollisionCreateFunc(shape, BOX_SHAPE_PROXYTYPE, &on_box_);
@@ -77,9 +73,7 @@ btCollisionAlgorithm* FaceContacts::Factory::CreateCollisionAlgorithm(btCollisio
   const bool holder_first = m_swapped || (is_box(*first) && is_box(*second) && stands(*first));
   const btCollisionObjectWrapper& held = holder_first ? *second : *first;
   const btCollisionObjectWrapper& holder = holder_first ? *first : *second;
-  const bool unknown = held.getCollisionShape()->getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE &&
-                       held.getCollisionShape()->getUserPointer() == nullptr;
-  if (unknown || (is_box(held) && is_box(holder) && !stands(holder))) {
+  if (!BodyPoints::knows(held) || (is_box(held) && is_box(holder) && !stands(holder))) {
     return others_->CreateCollisionAlgorithm(info, first, second);
   }
   static_assert(sizeof(FaceContacts) <= sizeof(btConvexConvexAlgorithm), "Bullet's pool has room for one of its own");
@@ -112,85 +106,40 @@ FaceContacts::~FaceContacts() {
   m_dispatcher->releaseManifold(manifold_);
 }
 
-/// Points of the body, and how far they are above the face. Lengths are Bullet's units.
-struct FaceContacts::Found {
-  static constexpr std::size_t kMost = 2 * shapes::FacePoints::kMost;
-  Vector3d normal;
-  std::array<Vector3d, kMost> point{};
-  std::array<double, kMost> gap{};
-  std::size_t count = 0;
-  double within = 0.0;  ///< What is farther does not touch.
-
-  void add(const Vector3d& at, double above) {
-    if (above >= within) return;
-    point[count] = at;
-    gap[count++] = above;
+/// @returns whether the face holds all of them: none is beyond an edge, or so deep that another face is nearer.
+bool FaceContacts::are_held_by(const shapes::Face& face, const BodyPoints& points) {
+  if (!std::isfinite(face.half_u_m)) return true;
+  for (std::size_t i = 0; i < points.count; ++i) {
+    if (points.gap[i] < -points.within || !face.is_under(points.point[i])) return false;
   }
-  /// @param along From each to another one.
-  void add(const shapes::FacePoints& points, const Vector3d& along = Vector3d::Zero()) {
-    for (std::size_t i = 0; i < points.count; ++i) {
-      add(points.point_m[i] + along, points.gap_m[i] + points.normal.dot(along));
-    }
-  }
-  /// Whether the face holds all of them: none is beyond an edge, or so deep that another face is nearer.
-  [[nodiscard]] bool are_held_by(const shapes::Face& face) const {
-    for (std::size_t i = 0; i < count; ++i) {
-      if (std::isfinite(face.half_u_m) && (gap[i] < -within || !face.is_under(point[i]))) return false;
-    }
-    return true;
-  }
-};
+  return true;
+}
 
 /// @returns false: they are to be found by Bullet.
-bool FaceContacts::find(const btCollisionObjectWrapper& held, const btCollisionObjectWrapper& holder, Found& out) {
-  const btCollisionShape& shape = *held.getCollisionShape();
+bool FaceContacts::find(const btCollisionObjectWrapper& held, const btCollisionObjectWrapper& holder, BodyPoints& out) {
   const Eigen::Quaterniond q_WB = from_bullet(held.getWorldTransform().getRotation());
   const Vector3d centre = from_bullet(held.getWorldTransform().getOrigin());
-  const Vector3d axis = q_WB * Vector3d(Vector3d::UnitY());
   const shapes::PlacedShape below = placed(holder);
-  const shapes::Face face = *shapes::face_towards(below, centre);
   shapes::FacePoints points;
-  out.normal = face.normal;
-  switch (shape.getShapeType()) {
-    case BOX_SHAPE_PROXYTYPE: {
-      const Vector3d half = from_bullet(static_cast<const btBoxShape&>(shape).getHalfExtentsWithMargin());
-      (void)shapes::face_points(shapes::Box{half}, q_WB, centre, below, points);
-      out.normal = points.normal;
-      out.add(points);
-      return !is_sliver(points, out.within);
-    }
-    case CONVEX_HULL_SHAPE_PROXYTYPE: {
-      const auto skin = static_cast<double>(static_cast<const btConvexHullShape&>(shape).getMargin());
-      const auto& hull = *static_cast<const shapes::Hull*>(shape.getUserPointer());
-      shapes::hull_points(hull, q_WB, centre - skin * face.normal, face, points, out.within);
-      out.add(points);
-      break;
-    }
-    case CYLINDER_SHAPE_PROXYTYPE: {
-      const Vector3d half = from_bullet(static_cast<const btCylinderShape&>(shape).getHalfExtentsWithMargin());
-      const Vector3d ahead = q_WB * Vector3d(Vector3d::UnitX());
-      const shapes::Cylinder cylinder{half.x(), 2.0 * half.y()};
-      shapes::Face endless = face;
-      endless.half_u_m = endless.half_v_m = std::numeric_limits<double>::infinity();
-      shapes::face_points(cylinder, q_WB, centre, endless, ahead, points);
-      out.add(points);
-      out.add(points, (axis.dot(face.normal) > 0.0 ? 2.0 : -2.0) * half.y() * axis);
-      if (out.are_held_by(face) || axis.cross(face.normal).norm() > kStands) break;
-      out.count = 0;
-      shapes::face_points(cylinder, q_WB, centre, face, ahead, points);
-      out.add(points);
-      break;
-    }
-    default: {
-      const auto& capsule = static_cast<const btCapsuleShape&>(shape);
-      const Vector3d half = static_cast<double>(capsule.getHalfHeight()) * axis;
-      for (const Vector3d& end : {Vector3d(centre + half), Vector3d(centre - half)}) {
-        const Vector3d lowest = end - static_cast<double>(capsule.getRadius()) * face.normal;
-        out.add(lowest, face.normal.dot(lowest - face.centre_m));
-      }
-    }
+  if (is_box(held)) {
+    const auto& box = static_cast<const btBoxShape&>(*held.getCollisionShape());
+    (void)shapes::face_points(shapes::Box{from_bullet(box.getHalfExtentsWithMargin())}, q_WB, centre, below, points);
+    out.normal = points.normal;
+    out.add(points);
+    return !is_sliver(points, out.within);
   }
-  return out.are_held_by(face);
+  const shapes::Face face = *shapes::face_towards(below, centre);
+  out.find(held, face);
+  if (are_held_by(face, out)) return true;
+  if (held.getCollisionShape()->getShapeType() != CYLINDER_SHAPE_PROXYTYPE) return false;
+  if ((q_WB * Vector3d(Vector3d::UnitY())).cross(face.normal).norm() > kStands) return false;
+  const auto& cylinder = static_cast<const btCylinderShape&>(*held.getCollisionShape());
+  const Vector3d half = from_bullet(cylinder.getHalfExtentsWithMargin());
+  const Vector3d ahead = q_WB * Vector3d(Vector3d::UnitX());
+  shapes::face_points(shapes::Cylinder{half.x(), 2.0 * half.y()}, q_WB, centre, face, ahead, points);
+  out.count = 0;
+  out.add(points);
+  return are_held_by(face, out);
 }
 
 bool FaceContacts::is_alone(const btCollisionObjectWrapper& body) {
@@ -205,7 +154,7 @@ void FaceContacts::processCollision(const btCollisionObjectWrapper* first, const
   out->setBody0Wrap(&held);
   out->setBody1Wrap(&holder);
   out->setPersistentManifold(manifold_);
-  Found found;
+  BodyPoints found;
   found.within = static_cast<double>(manifold_->getContactBreakingThreshold());
   if (is_alone(held) && (stands(holder) || is_alone(holder)) && find(held, holder, found)) {
     tell(found, *out);
@@ -218,15 +167,13 @@ void FaceContacts::processCollision(const btCollisionObjectWrapper* first, const
 }
 
 /// Each goes on from the impulses of the nearest one before.
-void FaceContacts::tell(const Found& found, btManifoldResult& out) {
+void FaceContacts::tell(const BodyPoints& found, btManifoldResult& out) {
   std::array<btManifoldPoint, MANIFOLD_CACHE_SIZE> before;
   const int known = manifold_->getNumContacts();
   for (int i = 0; i < known; ++i) before[static_cast<std::size_t>(i)] = manifold_->getContactPoint(i);
   manifold_->clearManifold();
-  const btVector3 up = to_bullet(found.normal);
   for (std::size_t i = 0; i < found.count && manifold_->getNumContacts() < MANIFOLD_CACHE_SIZE; ++i) {
-    const auto gap = static_cast<btScalar>(found.gap[i]);
-    out.addContactPoint(up, to_bullet(found.point[i]) - gap * up, gap);
+    found.tell(i, out);
   }
   for (int i = 0; i < manifold_->getNumContacts(); ++i) {
     btManifoldPoint& point = manifold_->getContactPoint(i);

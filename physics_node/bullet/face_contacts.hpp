@@ -3,13 +3,12 @@
 /// How boxes, hulls, cylinders and capsules meet a plane, and all but boxes the face of a box.
 #include <btBulletDynamicsCommon.h>
 
+#include "physics_node/bullet/body_points.hpp"
+
 namespace physics::bullet {
 
 /// Bullet's algorithms for these find one point in a step, and keep those of steps before. What slides, turns or rolls
-/// has lost some of them in most steps, and rocks. This one finds all of them in each step, and where the haptic loop
-/// finds them: the corners of a box, of a hull up to four that are low (rtbus::shapes::face_points(), hull_points()),
-/// of a cylinder those of the rim and the ends of its side, and both ends of a capsule. (Of two boxes Bullet finds all
-/// itself.)
+/// has lost some of them in most steps, and rocks. This one finds all of them in each step (BodyPoints).
 ///
 /// What is partly beyond an edge of the box keeps Bullet's, unless it is a cylinder that stands. So does a body of a
 /// pile: with all points a stack of light boxes takes more iterations to rest. So does a very light one, which takes
@@ -40,13 +39,13 @@ class FaceContacts final : public btCollisionAlgorithm {
   void getAllContactManifolds(btManifoldArray& out) override { out.push_back(manifold_); }
 
  private:
-  struct Found;
   FaceContacts(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObjectWrapper* first,
                const btCollisionObjectWrapper* second, const Factory& factory, bool holder_first);
   [[nodiscard]] static bool is_alone(const btCollisionObjectWrapper& body);
+  [[nodiscard]] static bool are_held_by(const rtbus::shapes::Face& face, const BodyPoints& points);
   [[nodiscard]] static bool find(const btCollisionObjectWrapper& held, const btCollisionObjectWrapper& holder,
-                                 Found& out);
-  void tell(const Found& found, btManifoldResult& out);
+                                 BodyPoints& out);
+  void tell(const BodyPoints& found, btManifoldResult& out);
 
   static constexpr int kInPile = -1, kAlone = 1, kBullets = 2;  ///< -1 is what Bullet begins with.
 

@@ -247,12 +247,11 @@ std::optional<Face> face_towards(const PlacedShape& holder, const Vector3d& poin
 bool face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,
                  FacePoints& out) noexcept {
   out.count = 0;
-  const Axes box(held, q_WB, p_WB);
   if (std::holds_alternative<Plane>(holder.shape)) {
-    const Face plane = plane_of(holder);
-    add_points(plane, face_of(box, -plane.normal), false, out);
+    face_points(held, q_WB, p_WB, plane_of(holder), out);
     return true;
   }
+  const Axes box(held, q_WB, p_WB);
   const auto* const below = std::get_if<Box>(&holder.shape);
   if (below == nullptr) return false;
   const Axes holding(*below, holder.q_WB, holder.p_WB);
@@ -267,6 +266,12 @@ bool face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB,
     add_points(below_face, box_face, false, out);
   }
   return true;
+}
+
+void face_points(const Box& held, const Quaterniond& q_WB, const Vector3d& p_WB, const Face& face,
+                 FacePoints& out) noexcept {
+  out.count = 0;
+  add_points(face, face_of(Axes(held, q_WB, p_WB), -face.normal), false, out);
 }
 
 bool face_points(const Cylinder& held, const Quaterniond& q_WB, const Vector3d& p_WB, const PlacedShape& holder,

@@ -57,6 +57,10 @@ struct FacePoints {
 [[nodiscard]] bool face_points(const Box& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB,
                                const PlacedShape& holder, FacePoints& out) noexcept;
 
+/// The same on a face, cut off at its edges. @realtime Yes.
+void face_points(const Box& held, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB, const Face& face,
+                 FacePoints& out) noexcept;
+
 /// The rim of the cap that looks at the face: its lowest point, the one across, and those to both sides. What of the
 /// cap is beyond an edge of a box is cut off.
 /// @param held A cylinder that does not lie on its side. @param q_WB Its orientation. @param p_WB Its centre, in W.
