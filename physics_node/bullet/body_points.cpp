@@ -15,22 +15,44 @@ bool BodyPoints::knows(const btCollisionObjectWrapper& held) {
   return shape.getShapeType() != CONVEX_HULL_SHAPE_PROXYTYPE || shape.getUserPointer() != nullptr;
 }
 
-void BodyPoints::add(const Vector3d& at, double above) {
-  if (above >= within) return;
-  point[count] = at;
-  gap[count++] = above;
+void BodyPoints::add(const Vector3d& point, const Vector3d& normal, double gap) {
+  if (gap < within_) points_[count_++] = {point, normal, gap};
 }
 
 void BodyPoints::add(const shapes::FacePoints& points, const Vector3d& along) {
   for (std::size_t i = 0; i < points.count; ++i) {
-    add(points.point_m[i] + along, points.gap_m[i] + points.normal.dot(along));
+    add(points.point_m[i] + along, points.normal, points.gap_m[i] + points.normal.dot(along));
   }
 }
 
-void BodyPoints::tell(std::size_t i, btManifoldResult& out) const {
-  const btVector3 up = to_bullet(normal);
-  const auto above = static_cast<btScalar>(gap[i]);
-  out.addContactPoint(up, to_bullet(point[i]) - above * up, above);
+void tell(std::span<const TouchPoint> points, btPersistentManifold& manifold, btManifoldResult& out) {
+  std::array<btManifoldPoint, MANIFOLD_CACHE_SIZE> before;
+  const int known = manifold.getNumContacts();
+  for (int i = 0; i < known; ++i) before[static_cast<std::size_t>(i)] = manifold.getContactPoint(i);
+  manifold.clearManifold();
+  for (const TouchPoint& each : points) {
+    if (manifold.getNumContacts() == MANIFOLD_CACHE_SIZE) break;
+    const Vector3d below = each.point - each.gap * each.normal;
+    out.addContactPoint(to_bullet(each.normal), to_bullet(below), static_cast<btScalar>(each.gap));
+  }
+  for (int i = 0; i < manifold.getNumContacts(); ++i) {
+    btManifoldPoint& point = manifold.getContactPoint(i);
+    const btManifoldPoint* nearest = nullptr;
+    for (int k = 0; k < known; ++k) {
+      const btManifoldPoint& each = before[static_cast<std::size_t>(k)];
+      if (nearest == nullptr ||
+          each.m_localPointA.distance2(point.m_localPointA) < nearest->m_localPointA.distance2(point.m_localPointA)) {
+        nearest = &each;
+      }
+    }
+    if (nearest == nullptr) continue;
+    point.m_appliedImpulse = nearest->m_appliedImpulse;
+    point.m_appliedImpulseLateral1 = nearest->m_appliedImpulseLateral1;
+    point.m_appliedImpulseLateral2 = nearest->m_appliedImpulseLateral2;
+    point.m_lateralFrictionDir1 = nearest->m_lateralFrictionDir1;
+    point.m_lateralFrictionDir2 = nearest->m_lateralFrictionDir2;
+    point.m_lifeTime = nearest->m_lifeTime;
+  }
 }
 
 void BodyPoints::find(const btCollisionObjectWrapper& held, const shapes::Face& face) {
@@ -41,8 +63,7 @@ void BodyPoints::find(const btCollisionObjectWrapper& held, const shapes::Face& 
   shapes::Face endless = face;
   endless.half_u_m = endless.half_v_m = std::numeric_limits<double>::infinity();
   shapes::FacePoints points;
-  normal = face.normal;
-  count = 0;
+  const Vector3d& normal = face.normal;
   switch (shape.getShapeType()) {
     case BOX_SHAPE_PROXYTYPE: {
       const Vector3d half = from_bullet(static_cast<const btBoxShape&>(shape).getHalfExtentsWithMargin());
@@ -52,7 +73,7 @@ void BodyPoints::find(const btCollisionObjectWrapper& held, const shapes::Face& 
     case CONVEX_HULL_SHAPE_PROXYTYPE: {
       const auto skin = static_cast<double>(static_cast<const btConvexHullShape&>(shape).getMargin());
       const auto& hull = *static_cast<const shapes::Hull*>(shape.getUserPointer());
-      shapes::hull_points(hull, q_WB, centre - skin * normal, endless, points, within);
+      shapes::hull_points(hull, q_WB, centre - skin * normal, endless, points, within_);
       return add(points);
     }
     case CYLINDER_SHAPE_PROXYTYPE: {
@@ -67,7 +88,7 @@ void BodyPoints::find(const btCollisionObjectWrapper& held, const shapes::Face& 
       const Vector3d half = static_cast<double>(capsule.getHalfHeight()) * axis;
       for (const Vector3d& end : {Vector3d(centre + half), Vector3d(centre - half)}) {
         const Vector3d lowest = end - static_cast<double>(capsule.getRadius()) * normal;
-        add(lowest, normal.dot(lowest - face.centre_m));
+        add(lowest, normal, normal.dot(lowest - face.centre_m));
       }
     }
   }

@@ -48,6 +48,7 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
       scene_file_(scene.file),
       configuration_(std::move(configuration)),
       face_contacts_(*configuration_),
+      mesh_contacts_(*configuration_),
       dispatcher_(configuration_.get()),
       world_(make_dynamics(&dispatcher_, &broadphase_, &solver_, configuration_.get())) {
   world_->setGravity(to_bullet(scene.gravity_m_s2, scale_));
@@ -66,6 +67,7 @@ BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& setti
       SPHERE_SHAPE_PROXYTYPE, SPHERE_SHAPE_PROXYTYPE,
       configuration_->getCollisionAlgorithmCreateFunc(BOX_SHAPE_PROXYTYPE, CONVEX_HULL_SHAPE_PROXYTYPE));
   face_contacts_.add_to(dispatcher_);
+  mesh_contacts_.add_to(dispatcher_);
 
   // Copies in a grid share their shape: the reader gives neighbours the same dimensions and file.
   bodies_.reserve(scene.bodies.size());

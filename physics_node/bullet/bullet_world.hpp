@@ -13,6 +13,7 @@
 #include "physics_node/bullet/bullet_shapes.hpp"
 #include "physics_node/bullet/bullet_solver.hpp"
 #include "physics_node/bullet/face_contacts.hpp"
+#include "physics_node/bullet/mesh_contacts.hpp"
 #include "physics_node/bullet/rest_watch.hpp"
 #include "physics_node/engine/engine_module.hpp"
 
@@ -170,6 +171,7 @@ class BulletWorld : public World {
   // Bullet's parts, in the order in which they need each other.
   std::unique_ptr<btDefaultCollisionConfiguration> configuration_;
   FaceContacts::Factories face_contacts_;
+  MeshContacts::Factories mesh_contacts_;
   btCollisionDispatcher dispatcher_;
   btDbvtBroadphase broadphase_;
   BulletSolver solver_;

@@ -109,10 +109,8 @@ FaceContacts::~FaceContacts() {
 /// @returns whether the face holds all of them: none is beyond an edge, or so deep that another face is nearer.
 bool FaceContacts::are_held_by(const shapes::Face& face, const BodyPoints& points) {
   if (!std::isfinite(face.half_u_m)) return true;
-  for (std::size_t i = 0; i < points.count; ++i) {
-    if (points.gap[i] < -points.within || !face.is_under(points.point[i])) return false;
-  }
-  return true;
+  return std::all_of(points.all().begin(), points.all().end(),
+                     [&](const TouchPoint& each) { return each.gap >= -points.within() && face.is_under(each.point); });
 }
 
 /// @returns false: they are to be found by Bullet.
@@ -124,9 +122,8 @@ bool FaceContacts::find(const btCollisionObjectWrapper& held, const btCollisionO
   if (is_box(held)) {
     const auto& box = static_cast<const btBoxShape&>(*held.getCollisionShape());
     (void)shapes::face_points(shapes::Box{from_bullet(box.getHalfExtentsWithMargin())}, q_WB, centre, below, points);
-    out.normal = points.normal;
     out.add(points);
-    return !is_sliver(points, out.within);
+    return !is_sliver(points, out.within());
   }
   const shapes::Face face = *shapes::face_towards(below, centre);
   out.find(held, face);
@@ -137,7 +134,7 @@ bool FaceContacts::find(const btCollisionObjectWrapper& held, const btCollisionO
   const Vector3d half = from_bullet(cylinder.getHalfExtentsWithMargin());
   const Vector3d ahead = q_WB * Vector3d(Vector3d::UnitX());
   shapes::face_points(shapes::Cylinder{half.x(), 2.0 * half.y()}, q_WB, centre, face, ahead, points);
-  out.count = 0;
+  out.clear();
   out.add(points);
   return are_held_by(face, out);
 }
@@ -154,45 +151,15 @@ void FaceContacts::processCollision(const btCollisionObjectWrapper* first, const
   out->setBody0Wrap(&held);
   out->setBody1Wrap(&holder);
   out->setPersistentManifold(manifold_);
-  BodyPoints found;
-  found.within = static_cast<double>(manifold_->getContactBreakingThreshold());
+  BodyPoints found(static_cast<double>(manifold_->getContactBreakingThreshold()));
   if (is_alone(held) && (stands(holder) || is_alone(holder)) && find(held, holder, found)) {
-    tell(found, *out);
+    tell(found.all(), *manifold_, *out);
   } else {
     bullets_->processCollision(&held, &holder, info, out);
     out->refreshContactPoints();
   }
   out->setBody0Wrap(first);
   out->setBody1Wrap(second);
-}
-
-/// Each goes on from the impulses of the nearest one before.
-void FaceContacts::tell(const BodyPoints& found, btManifoldResult& out) {
-  std::array<btManifoldPoint, MANIFOLD_CACHE_SIZE> before;
-  const int known = manifold_->getNumContacts();
-  for (int i = 0; i < known; ++i) before[static_cast<std::size_t>(i)] = manifold_->getContactPoint(i);
-  manifold_->clearManifold();
-  for (std::size_t i = 0; i < found.count && manifold_->getNumContacts() < MANIFOLD_CACHE_SIZE; ++i) {
-    found.tell(i, out);
-  }
-  for (int i = 0; i < manifold_->getNumContacts(); ++i) {
-    btManifoldPoint& point = manifold_->getContactPoint(i);
-    const btManifoldPoint* nearest = nullptr;
-    for (int k = 0; k < known; ++k) {
-      const btManifoldPoint& each = before[static_cast<std::size_t>(k)];
-      if (nearest == nullptr ||
-          each.m_localPointA.distance2(point.m_localPointA) < nearest->m_localPointA.distance2(point.m_localPointA)) {
-        nearest = &each;
-      }
-    }
-    if (nearest == nullptr) continue;
-    point.m_appliedImpulse = nearest->m_appliedImpulse;
-    point.m_appliedImpulseLateral1 = nearest->m_appliedImpulseLateral1;
-    point.m_appliedImpulseLateral2 = nearest->m_appliedImpulseLateral2;
-    point.m_lateralFrictionDir1 = nearest->m_lateralFrictionDir1;
-    point.m_lateralFrictionDir2 = nearest->m_lateralFrictionDir2;
-    point.m_lifeTime = nearest->m_lifeTime;
-  }
 }
 
 }  // namespace physics::bullet

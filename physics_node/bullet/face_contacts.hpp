@@ -23,6 +23,8 @@ class FaceContacts final : public btCollisionAlgorithm {
   static void set_in_pile(btCollisionObject& body, bool in_pile) {
     if (body.getUserIndex2() != kBullets) body.setUserIndex2(in_pile ? kInPile : kAlone);
   }
+  /// Neither of a pile nor left to Bullet.
+  [[nodiscard]] static bool is_alone(const btCollisionObjectWrapper& body);
   /// For ever.
   static void leave_to_bullet(btCollisionObject& body) { body.setUserIndex2(kBullets); }
 
@@ -41,11 +43,9 @@ class FaceContacts final : public btCollisionAlgorithm {
  private:
   FaceContacts(const btCollisionAlgorithmConstructionInfo& info, const btCollisionObjectWrapper* first,
                const btCollisionObjectWrapper* second, const Factory& factory, bool holder_first);
-  [[nodiscard]] static bool is_alone(const btCollisionObjectWrapper& body);
   [[nodiscard]] static bool are_held_by(const rtbus::shapes::Face& face, const BodyPoints& points);
   [[nodiscard]] static bool find(const btCollisionObjectWrapper& held, const btCollisionObjectWrapper& holder,
                                  BodyPoints& out);
-  void tell(const BodyPoints& found, btManifoldResult& out);
 
   static constexpr int kInPile = -1, kAlone = 1, kBullets = 2;  ///< -1 is what Bullet begins with.
 
