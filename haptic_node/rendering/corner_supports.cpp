@@ -26,6 +26,9 @@ constexpr double kSeam_m = 1e-3;
 /// Where the load of a cylinder that stands is so far from its axis, in radii, it would tip that way.
 constexpr double kOffMiddle = 0.05;
 
+/// A body that stands on a patch has so many corners there.
+constexpr std::size_t kPatchCorners = 3;
+
 /// @returns the least gap; none: there is no corner.
 double nearest_m(const FacePoints& corners, double none_m) noexcept {
   const auto end = corners.gap_m.begin() + static_cast<std::ptrdiff_t>(corners.count);
@@ -151,12 +154,30 @@ bool CornerSupports::find_holder(const ToldBody& body, const SinceAnswer& since,
   };
   if (told.holder == Support::kStands) {
     face.stands = since.shapes.holder_at(motion.centre_m + told.from_centre_m, bears);
-    return face.stands != nullptr;
+    return face.stands != nullptr || find_mesh(since, motion, told, face, corners);
   }
   const auto slots = body.slot_of_row;
   const auto row = static_cast<std::size_t>(
       std::find(slots.begin(), slots.end(), static_cast<std::size_t>(told.holder)) - slots.begin());
   return row < slots.size() && place_holder(body, since, row, face) && bears(face.moves);
+}
+
+/// Where a mesh is flat under the body it is as good as a plane, until the next answer. @returns whether it is: the
+/// corners that touch are above it, and there are as many as physics has.
+bool CornerSupports::find_mesh(const SinceAnswer& since, const BodyMotion& motion, const Support& told, Face& face,
+                               FacePoints& corners) const noexcept {
+  const Vector3d at_m = motion.centre_m + told.from_centre_m;
+  if (!since.shapes.has_mesh_at(at_m, told.normal)) return false;
+  face.moves = {rtbus::shapes::Plane{}, Quaterniond::FromTwoVectors(Vector3d::UnitY(), told.normal), at_m};
+  if (!corners_on(face.moves, motion.centre_m, motion.q_WB, corners)) return false;
+  const double touching_m = nearest_m(corners, 0.0) + kTilts_m;
+  std::size_t touch = 0;
+  for (std::size_t k = 0; k < corners.count; ++k) {
+    if (corners.gap_m[k] > touching_m) continue;
+    if (!since.shapes.has_mesh_at(corners.point_m[k], told.normal)) return false;
+    ++touch;
+  }
+  return touch >= (told.torsion_radius_m > 0.0 ? kPatchCorners : 1);
 }
 
 /// @returns whether that row is a box whose place is known.

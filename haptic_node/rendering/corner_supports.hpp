@@ -57,15 +57,18 @@ class CornerSupports {
             SupportPool& supports) const noexcept RTBUS_NONBLOCKING;
 
  private:
+  static constexpr double kOnePlane_rad = 0.1;  ///< Parts of a mesh that differ by less are one face.
   struct Face {
     const rtbus::shapes::PlacedShape* stands = nullptr;  ///< What holds; nullptr: a body that moves …
-    int holder = Support::kStands;                       ///< … in that slot of the local world …
+    int holder = Support::kStands;                       ///< … in that slot of the local world; kStands: a mesh …
     rtbus::shapes::PlacedShape moves{};                  ///< … which is there.
     std::array<double, kCorners> rest_gap_m{};           ///< Where physics has each row touch.
 
     [[nodiscard]] const rtbus::shapes::PlacedShape& placed() const noexcept { return stands ? *stands : moves; }
     [[nodiscard]] bool is_of(const Face& other) const noexcept {
-      return stands == other.stands && holder == other.holder;
+      const bool mesh = stands == nullptr && holder == Support::kStands;
+      return stands == other.stands && holder == other.holder &&
+             (!mesh || moves.q_WB.angularDistance(other.moves.q_WB) < kOnePlane_rad);
     }
   };
   static constexpr std::size_t kFaces = 4;
@@ -73,6 +76,8 @@ class CornerSupports {
   bool stands_upright(const BodyMotion& motion, std::size_t first, const SupportPool& supports) noexcept;
   bool find_holder(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion, const Support& told,
                    Face& face, rtbus::shapes::FacePoints& corners) const noexcept;
+  bool find_mesh(const SinceAnswer& since, const BodyMotion& motion, const Support& told, Face& face,
+                 rtbus::shapes::FacePoints& corners) const noexcept;
   bool place_holder(const ToldBody& body, const SinceAnswer& since, std::size_t row, Face& face) const noexcept;
   void add_near_bodies(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion, std::size_t most_faces,
                        std::span<Support, kFaces> held, std::span<rtbus::shapes::FacePoints, kFaces> found) noexcept;

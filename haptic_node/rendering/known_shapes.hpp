@@ -3,6 +3,7 @@
 /// The shapes that the scene tells, by body: so the loop finds by itself where a body is met, and where a box lies.
 /// Frame W, SI units.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -35,6 +36,7 @@ class KnownShapes {
       } else if (const auto* const box = std::get_if<rtbus::shapes::Box>(&each.shape)) {
         holders_.push_back({*box, each.q_WB, each.p_WB});
       }
+      has_meshes_ = has_meshes_ || each.surface() != nullptr;
     }
   }
 
@@ -77,11 +79,28 @@ class KnownShapes {
     return nullptr;
   }
 
+  /// Whether a mesh is there, and looks along `normal`.
+  [[nodiscard]] bool has_mesh_at(const Eigen::Vector3d& point_m,
+                                 const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
+    if (!has_meshes_) return false;
+    const Eigen::Vector3d above_m = point_m + kAtSurface_m * normal;
+    return std::any_of(shapes_.begin(), shapes_.end(), [&](const Shape& each) {
+      if (each.surface() == nullptr) return false;
+      const Eigen::Vector3d p_m = each.q_WB.conjugate() * (above_m - each.p_WB);
+      std::array<rtbus::shapes::Surface::Minimum, 1> nearest;
+      if (each.surface()->minima(p_m, 2.0 * kAtSurface_m, nearest) == 0) return false;
+      const Eigen::Vector3d way_m = each.q_WB * (p_m - nearest[0].point_m);
+      return normal.dot(way_m) > kFlat * nearest[0].distance_m;
+    });
+  }
+
  private:
   static constexpr double kAtSurface_m = 1e-3;  ///< An engine lets bodies sink in, or keeps them apart, by less.
+  static constexpr double kFlat = 0.9998;       ///< A cosine: 20 mrad.
 
   std::vector<Shape> shapes_;  ///< By body.
   std::vector<rtbus::shapes::PlacedShape> holders_;
+  bool has_meshes_ = false;
 };
 
 }  // namespace haptic
