@@ -21,8 +21,10 @@ namespace {
 
 /// A point on the edge of two triangles is above both: a share of their area.
 constexpr double kOnEdge = 1e-6;
-/// Triangles whose normals differ by less (a cosine) are one plane.
-constexpr double kSamePlane = 1.0 - 1e-9;
+/// Triangles whose normals differ by less (a cosine) are one plane: by 1.4 mrad, as coordinates in a file are rounded.
+constexpr double kSamePlane = 1.0 - 1e-6;
+/// Points over them that are nearer are one: a share of the distance at which they touch.
+constexpr double kSamePoint = 0.1;
 
 struct Triangle {
   std::array<Vector3d, 3> corner;
@@ -55,7 +57,7 @@ class Gather final : public btTriangleCallback {
   void processTriangle(btVector3* vertices, int, int) override {
     if (!possible_) return;
     const Triangle triangle(vertices, mesh_, skin_, from_bullet(body_.getWorldTransform().getOrigin()));
-    if (!triangle.face.normal.allFinite()) return;
+    if (triangle.area.isZero(0.0)) return;
     BodyPoints points(within_);
     points.find(body_, triangle.face);
     for (const TouchPoint& each : points.all()) {
@@ -64,8 +66,8 @@ class Gather final : public btTriangleCallback {
       while (i < count_ && !is_same(touched_[i], each)) ++i;
       possible_ = i < touched_.size() && each.gap > -within_;
       if (!possible_) return;
+      if (i == count_ || over) touched_[i] = each;
       over_[i] = (i < count_ && over_[i]) || over;
-      touched_[i] = each;
       count_ = std::max(count_, i + 1);
     }
   }
@@ -80,7 +82,7 @@ class Gather final : public btTriangleCallback {
 
  private:
   [[nodiscard]] bool is_same(const TouchPoint& a, const TouchPoint& b) const {
-    return a.normal.dot(b.normal) > kSamePlane && (a.point - b.point).norm() < kOnEdge * within_;
+    return a.normal.dot(b.normal) > kSamePlane && (a.point - b.point).norm() < kSamePoint * within_;
   }
   const btCollisionObjectWrapper& body_;
   const btTransform& mesh_;

@@ -1,5 +1,5 @@
-/// How bodies of the engine bullet slide on a plane and on a table: without rocking, since all that touches is found in
-/// each step.
+/// How bodies of the engine bullet slide on a plane, on a table and on a mesh: without rocking, since all that touches
+/// is found in each step.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,10 +33,19 @@ struct Body {
   Eigen::Quaterniond q_WB = Eigen::Quaterniond::Identity();
 };
 
-/// A plane, and the upper side of a box.
+/// Four triangles around the middle, whose heights are rounded.
+rtbus::config::BodyShape flat_mesh() {
+  auto mesh = std::make_shared<rtbus::config::TriangleMesh>();
+  mesh->vertices_m = {{-0.4, 0, -0.3}, {0.4, 0, -0.3}, {0.4, 0, 0.3}, {-0.4, 0, 0.3}, {0.005, 1e-7, 0.003}};
+  mesh->triangles = {{0, 4, 1}, {1, 4, 2}, {2, 4, 3}, {3, 4, 0}};
+  return rtbus::config::Mesh{mesh};
+}
+
+/// A plane, the upper side of a box, and a mesh.
 std::vector<rtbus::config::Body> floors() {
   return {tests::body("floor", shapes::Plane{}),
-          tests::body("table", shapes::Box{Vector3d(0.4, 0.05, 0.3)}, {0, -0.05, 0})};
+          tests::body("table", shapes::Box{Vector3d(0.4, 0.05, 0.3)}, {0, -0.05, 0}),
+          tests::body("mesh", flat_mesh(), {0, -0.13e-3, 0})};
 }
 
 /// Rests for 0.2 s, and is pushed at its centre along the floor for 0.3 s. @returns how far its y axis leaves the
