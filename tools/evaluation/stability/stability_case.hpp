@@ -36,7 +36,7 @@ enum class StabilityShape : std::uint8_t { kPlane, kSphere, kBox, kHull, kMesh }
 enum class StabilityBody : std::uint8_t { kBox, kBall, kHull };
 
 /// The declared envelope: within it neither of the methods that are made for slow physics, one of which a session gets
-/// when it names none, has a diverged case. docs/results.md says the same in words.
+/// when it names none, may have a diverged case. docs/results.md says it in words, and which cases have one still.
 struct StabilityEnvelope {
   static constexpr const char* kRemote = "remote_virtual_coupling";
   static constexpr const char* kLocal = "local_contact";
