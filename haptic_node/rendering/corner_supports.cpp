@@ -106,6 +106,7 @@ bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, co
     if (face_count_ == kFaces) return false;
     held[face] = told;
     found[face] = corners;
+    holds.normal = corners.normal;
     faces_[face_count_] = holds;
     faces_[face_count_++].rest_gap_m.fill(nearest_m(corners, 0.0));
   }
@@ -163,7 +164,7 @@ bool CornerSupports::find_holder(const ToldBody& body, const SinceAnswer& since,
 }
 
 /// Where a mesh is flat under the body it is as good as a plane, until the next answer. @returns whether it is: the
-/// corners that touch are above it, and there are as many as physics has.
+/// corners that touch are above it, and there are three where physics tells a patch.
 bool CornerSupports::find_mesh(const SinceAnswer& since, const BodyMotion& motion, const Support& told, Face& face,
                                FacePoints& corners) const noexcept {
   const Vector3d at_m = motion.centre_m + told.from_centre_m;
@@ -278,13 +279,14 @@ void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoi
 }
 
 bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const Vector3d& centre_m,
-                                const Quaterniond& q_WB, FacePoints& out) const noexcept {
+                                const Quaterniond& q_WB, FacePoints& out, const Vector3d* way) const noexcept {
   if (box_ != nullptr) return rtbus::shapes::face_points(*box_, q_WB, centre_m, holder, out);
   if (cylinder_ != nullptr) {
     return rtbus::shapes::face_points(*cylinder_, q_WB, centre_m, holder, q_WB * tips_B_, out);
   }
   out.count = 0;
-  const auto face = rtbus::shapes::face_towards(holder, centre_m);
+  const auto face =
+      way == nullptr ? rtbus::shapes::face_towards(holder, centre_m) : rtbus::shapes::face_along(holder, *way);
   if (!face) return false;
   rtbus::shapes::hull_points(*hull_, q_WB, centre_m + q_WB * origin_B_m_, *face, out);
   return out.count > 0 && out.are_over(*face);
@@ -293,7 +295,7 @@ bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const 
 void CornerSupports::find(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
   for (std::size_t i = 0; i < face_count_; ++i) {
     FacePoints corners;
-    (void)corners_on(faces_[i].placed(), centre_m, q_WB, corners);
+    (void)corners_on(faces_[i].placed(), centre_m, q_WB, corners, &faces_[i].normal);
     put(i, corners, centre_m, supports);
   }
 }

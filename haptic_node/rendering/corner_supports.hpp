@@ -62,6 +62,7 @@ class CornerSupports {
     const rtbus::shapes::PlacedShape* stands = nullptr;  ///< What holds; nullptr: a body that moves …
     int holder = Support::kStands;                       ///< … in that slot of the local world; kStands: a mesh …
     rtbus::shapes::PlacedShape moves{};                  ///< … which is there.
+    Eigen::Vector3d normal = Eigen::Vector3d::UnitY();   ///< As it was found: a hull that leaves it takes no other.
     std::array<double, kCorners> rest_gap_m{};           ///< Where physics has each row touch.
 
     [[nodiscard]] const rtbus::shapes::PlacedShape& placed() const noexcept { return stands ? *stands : moves; }
@@ -81,9 +82,11 @@ class CornerSupports {
   bool place_holder(const ToldBody& body, const SinceAnswer& since, std::size_t row, Face& face) const noexcept;
   void add_near_bodies(const ToldBody& body, const SinceAnswer& since, const BodyMotion& motion, std::size_t most_faces,
                        std::span<Support, kFaces> held, std::span<rtbus::shapes::FacePoints, kFaces> found) noexcept;
-  /// Of the body, on what holds it. @returns whether that is of a kind on which they are known.
+  /// Of the body, on what holds it. @param way A hull's face of that looks there; nullptr: to the body's centre.
+  /// @returns whether they are known: what holds is a plane or a box, and no corner of a hull is beyond its edges.
   bool corners_on(const rtbus::shapes::PlacedShape& holder, const Eigen::Vector3d& centre_m,
-                  const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out) const noexcept;
+                  const Eigen::Quaterniond& q_WB, rtbus::shapes::FacePoints& out,
+                  const Eigen::Vector3d* way = nullptr) const noexcept;
   void add_walls(const SinceAnswer& since, const BodyMotion& motion, double friction, std::size_t most_faces,
                  std::span<Support, kFaces> held, std::span<rtbus::shapes::FacePoints, kFaces> found) noexcept;
   void lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,

@@ -79,7 +79,7 @@ class KnownShapes {
     return nullptr;
   }
 
-  /// Whether a mesh is there, and looks along `normal`.
+  /// Whether a mesh is there, and looks along `normal`. @param point_m In W. @param normal Unit, in W.
   [[nodiscard]] bool has_mesh_at(const Eigen::Vector3d& point_m,
                                  const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
     if (!has_meshes_) return false;

@@ -6,6 +6,7 @@
 #include <span>
 
 #include <btBulletDynamicsCommon.h>
+#include <Eigen/Core>
 
 #include "rtbus/shapes/face_points.hpp"
 
@@ -16,9 +17,18 @@ struct TouchPoint {
   double gap;                     ///< Along the normal.
 };
 
-/// Puts them in the place of the manifold's points, as many as it has room for. Each goes on from the impulses of the
-/// nearest one before. @param out Of the pair, in the order of the manifold.
-void tell(std::span<const TouchPoint> points, btPersistentManifold& manifold, btManifoldResult& out);
+/// Puts `points` in the place of those of the manifold; where it has no room for all, the lowest. Of points that Bullet
+/// would take for one the lowest counts. Each goes on from the impulses of the nearest one before.
+/// @param out Of the pair, in the order of the manifold.
+void replace_points(std::span<const TouchPoint> points, btPersistentManifold& manifold, btManifoldResult& out);
+
+/// Whether all points of a body are found in each step: it is neither one of a pile nor left to Bullet. One that has
+/// never been solved counts as one of a pile.
+[[nodiscard]] bool is_met_at_all_points(const btCollisionObjectWrapper& body);
+/// Told by the solver in each step.
+void set_in_pile(btCollisionObject& body, bool in_pile);
+/// Bullet's algorithms meet that body from now on.
+void leave_to_bullet(btCollisionObject& body);
 
 /// Of a box its corners, of a hull up to four that are low (rtbus::shapes::face_points(), hull_points()), of a cylinder
 /// those of the rim and the ends of its side, and both ends of a capsule.
@@ -32,11 +42,11 @@ class BodyPoints {
   /// @param within What is farther does not touch.
   explicit BodyPoints(double within) : within_(within) {}
 
-  /// Those over the face, whose edges are not looked at.
+  /// Finds those over the face anew. A box and a cylinder are cut off at its edges.
+  /// @param held Has one of kShapes. @param face In W.
   void find(const btCollisionObjectWrapper& held, const rtbus::shapes::Face& face);
-  /// These. @param along From each to another one.
+  /// Adds points of the body, each moved by `along`.
   void add(const rtbus::shapes::FacePoints& points, const Eigen::Vector3d& along = Eigen::Vector3d::Zero());
-  void clear() { count_ = 0; }
 
   [[nodiscard]] std::span<const TouchPoint> all() const { return {points_.data(), count_}; }
   [[nodiscard]] double within() const { return within_; }

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "physics_node/bullet/face_contacts.hpp"
+#include "physics_node/bullet/body_points.hpp"
 #include "physics_node/engine/contact_set.hpp"
 
 namespace physics::bullet {
@@ -105,7 +105,7 @@ void BulletSolver::find_piles(btPersistentManifold** manifolds, int count) {
     const std::size_t group = group_of(static_cast<int>(i));
     in_pile_[i] = size[group] > kMostTogether || most[group] > kMostMassRatio * least[group];
     btRigidBody* const body = m_tmpSolverBodyPool[static_cast<int>(i)].m_originalBody;
-    if (body != nullptr) FaceContacts::set_in_pile(*body, in_pile_[i]);
+    if (body != nullptr) set_in_pile(*body, in_pile_[i]);
   }
 }
 

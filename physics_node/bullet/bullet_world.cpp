@@ -239,7 +239,7 @@ void BulletWorld::find_light_bodies(double below_kg) {
     const auto inverse = static_cast<double>(body.rigid->getInvMass());
     if (body.light || inverse * below_kg <= 1.0) continue;
     body.light = any_light_ = true;
-    FaceContacts::leave_to_bullet(*body.rigid);
+    leave_to_bullet(*body.rigid);
     btBroadphaseProxy& handle = *body.rigid->getBroadphaseHandle();
     handle.m_collisionFilterGroup |= kLightGroup;
     handle.m_collisionFilterMask |= kToolGroup;

@@ -19,8 +19,8 @@ namespace shapes = rtbus::shapes;
 
 namespace {
 
-/// A cylinder that leans by more (a sine) has not its rim alone at the edge of a box.
-constexpr double kStands = 0.01;
+/// A cylinder that leans by less (a sine) stands: where a box ends its rim is cut off.
+constexpr double kUpright = 0.01;
 
 shapes::PlacedShape placed(const btCollisionObjectWrapper& holder) {
   const btTransform& pose = holder.getWorldTransform();
@@ -89,20 +89,20 @@ FaceContacts::FaceContacts(const btCollisionAlgorithmConstructionInfo& info, con
   manifold_ = m_dispatcher->getNewManifold(held.getCollisionObject(), holder.getCollisionObject());
   if (holder.getCollisionShape()->getShapeType() == STATIC_PLANE_PROXYTYPE) {
     void* const memory = m_dispatcher->allocateCollisionAlgorithm(sizeof(btConvexPlaneCollisionAlgorithm));
-    bullets_ = new (memory) btConvexPlaneCollisionAlgorithm(manifold_, info, &held, &holder, false, 1, 0);
+    fallback_ = new (memory) btConvexPlaneCollisionAlgorithm(manifold_, info, &held, &holder, false, 1, 0);
   } else if (is_box(held)) {
     void* const memory = m_dispatcher->allocateCollisionAlgorithm(sizeof(btBoxBoxCollisionAlgorithm));
-    bullets_ = new (memory) btBoxBoxCollisionAlgorithm(manifold_, info, &held, &holder);
+    fallback_ = new (memory) btBoxBoxCollisionAlgorithm(manifold_, info, &held, &holder);
   } else {
     btCollisionAlgorithmConstructionInfo same(info);
     same.m_manifold = manifold_;
-    bullets_ = factory.others_->CreateCollisionAlgorithm(same, &held, &holder);
+    fallback_ = factory.others_->CreateCollisionAlgorithm(same, &held, &holder);
   }
 }
 
 FaceContacts::~FaceContacts() {
-  bullets_->~btCollisionAlgorithm();
-  m_dispatcher->freeCollisionAlgorithm(bullets_);
+  fallback_->~btCollisionAlgorithm();
+  m_dispatcher->freeCollisionAlgorithm(fallback_);
   m_dispatcher->releaseManifold(manifold_);
 }
 
@@ -118,29 +118,22 @@ bool FaceContacts::find(const btCollisionObjectWrapper& held, const btCollisionO
   const Eigen::Quaterniond q_WB = from_bullet(held.getWorldTransform().getRotation());
   const Vector3d centre = from_bullet(held.getWorldTransform().getOrigin());
   const shapes::PlacedShape below = placed(holder);
-  shapes::FacePoints points;
-  if (is_box(held)) {
+  if (is_box(held) && is_box(holder)) {
     const auto& box = static_cast<const btBoxShape&>(*held.getCollisionShape());
+    shapes::FacePoints points;
     (void)shapes::face_points(shapes::Box{from_bullet(box.getHalfExtentsWithMargin())}, q_WB, centre, below, points);
     out.add(points);
     return !is_sliver(points, out.within());
   }
   const shapes::Face face = *shapes::face_towards(below, centre);
-  out.find(held, face);
+  out.find(held, face.without_edges());
   if (are_held_by(face, out)) return true;
-  if (held.getCollisionShape()->getShapeType() != CYLINDER_SHAPE_PROXYTYPE) return false;
-  if ((q_WB * Vector3d(Vector3d::UnitY())).cross(face.normal).norm() > kStands) return false;
-  const auto& cylinder = static_cast<const btCylinderShape&>(*held.getCollisionShape());
-  const Vector3d half = from_bullet(cylinder.getHalfExtentsWithMargin());
-  const Vector3d ahead = q_WB * Vector3d(Vector3d::UnitX());
-  shapes::face_points(shapes::Cylinder{half.x(), 2.0 * half.y()}, q_WB, centre, face, ahead, points);
-  out.clear();
-  out.add(points);
-  return are_held_by(face, out);
-}
-
-bool FaceContacts::is_alone(const btCollisionObjectWrapper& body) {
-  return body.getCollisionObject()->getUserIndex2() == kAlone;
+  const Vector3d axis = q_WB * Vector3d(Vector3d::UnitY());
+  const bool stands =
+      held.getCollisionShape()->getShapeType() == CYLINDER_SHAPE_PROXYTYPE && axis.cross(face.normal).norm() < kUpright;
+  if (!stands) return false;
+  out.find(held, face);
+  return !out.all().empty() && are_held_by(face, out);
 }
 
 void FaceContacts::processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
@@ -152,10 +145,10 @@ void FaceContacts::processCollision(const btCollisionObjectWrapper* first, const
   out->setBody1Wrap(&holder);
   out->setPersistentManifold(manifold_);
   BodyPoints found(static_cast<double>(manifold_->getContactBreakingThreshold()));
-  if (is_alone(held) && (stands(holder) || is_alone(holder)) && find(held, holder, found)) {
-    tell(found.all(), *manifold_, *out);
+  if (is_met_at_all_points(held) && (stands(holder) || is_met_at_all_points(holder)) && find(held, holder, found)) {
+    replace_points(found.all(), *manifold_, *out);
   } else {
-    bullets_->processCollision(&held, &holder, info, out);
+    fallback_->processCollision(&held, &holder, info, out);
     out->refreshContactPoints();
   }
   out->setBody0Wrap(first);

@@ -1,32 +1,23 @@
 #pragma once
 /// @file face_contacts.hpp
-/// How boxes, hulls, cylinders and capsules meet a plane, and all but boxes the face of a box.
+/// How boxes, hulls, cylinders and capsules meet a plane or the face of a box.
 #include <btBulletDynamicsCommon.h>
 
 #include "physics_node/bullet/body_points.hpp"
 
 namespace physics::bullet {
 
-/// Bullet's algorithms for these find one point in a step, and keep those of steps before. What slides, turns or rolls
+/// Bullet's algorithms for these keep points of earlier steps, and most find one in a step. What slides, turns or rolls
 /// has lost some of them in most steps, and rocks. This one finds all of them in each step (BodyPoints).
 ///
-/// What is partly beyond an edge of the box keeps Bullet's, unless it is a cylinder that stands. So does a body of a
-/// pile: with all points a stack of light boxes takes more iterations to rest. So does a very light one, which takes
-/// room under the tool.
+/// A box, and a cylinder that stands, are cut off where a box ends. What else is beyond an edge is left to Bullet's
+/// algorithm, and so are two boxes that move. Bullet's also meets a body of a pile: with all points a stack of light
+/// boxes takes more iterations to rest. And it meets very light ones, which take room under the tool.
 class FaceContacts final : public btCollisionAlgorithm {
  public:
   class Factory;
-  /// For all shapes that it is for. Outlives the dispatcher.
+  /// One for each pair of shapes. Outlives the dispatcher.
   class Factories;
-
-  /// Told by the solver in each step: whether that body is one of a pile. One that has never been solved is.
-  static void set_in_pile(btCollisionObject& body, bool in_pile) {
-    if (body.getUserIndex2() != kBullets) body.setUserIndex2(in_pile ? kInPile : kAlone);
-  }
-  /// Neither of a pile nor left to Bullet.
-  [[nodiscard]] static bool is_alone(const btCollisionObjectWrapper& body);
-  /// For ever.
-  static void leave_to_bullet(btCollisionObject& body) { body.setUserIndex2(kBullets); }
 
   ~FaceContacts() override;
   FaceContacts(const FaceContacts&) = delete;
@@ -47,10 +38,8 @@ class FaceContacts final : public btCollisionAlgorithm {
   [[nodiscard]] static bool find(const btCollisionObjectWrapper& held, const btCollisionObjectWrapper& holder,
                                  BodyPoints& out);
 
-  static constexpr int kInPile = -1, kAlone = 1, kBullets = 2;  ///< -1 is what Bullet begins with.
-
   btPersistentManifold* manifold_;
-  btCollisionAlgorithm* bullets_;  ///< Works on the same manifold.
+  btCollisionAlgorithm* fallback_;  ///< Bullet's, on the same manifold.
   bool holder_first_;
 };
 

@@ -2,15 +2,17 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <new>
+#include <span>
 
 #include <BulletCollision/CollisionDispatch/btConvexConcaveCollisionAlgorithm.h>
 #include <BulletCollision/CollisionShapes/btConcaveShape.h>
 #include <BulletCollision/CollisionShapes/btTriangleCallback.h>
 
 #include "physics_node/bullet/body_points.hpp"
-#include "physics_node/bullet/face_contacts.hpp"
 #include "physics_node/bullet/units.hpp"
+#include "rtbus/shapes/surface.hpp"
 
 namespace physics::bullet {
 
@@ -57,7 +59,7 @@ class Gather final : public btTriangleCallback {
   void processTriangle(btVector3* vertices, int, int) override {
     if (!possible_) return;
     const Triangle triangle(vertices, mesh_, skin_, from_bullet(body_.getWorldTransform().getOrigin()));
-    if (triangle.area.isZero(0.0)) return;
+    if (!shapes::has_area(triangle.corner[0], triangle.corner[1], triangle.corner[2])) return;
     BodyPoints points(within_);
     points.find(body_, triangle.face);
     for (const TouchPoint& each : points.all()) {
@@ -66,8 +68,10 @@ class Gather final : public btTriangleCallback {
       while (i < count_ && !is_same(touched_[i], each)) ++i;
       possible_ = i < touched_.size() && each.gap > -within_;
       if (!possible_) return;
-      if (i == count_ || over) touched_[i] = each;
-      over_[i] = (i < count_ && over_[i]) || over;
+      // Of the two sides of a plate the nearer one holds.
+      const bool known = i < count_ && over_[i];
+      if (i == count_ || (over && (!known || each.gap < touched_[i].gap))) touched_[i] = each;
+      over_[i] = known || over;
       count_ = std::max(count_, i + 1);
     }
   }
@@ -120,22 +124,22 @@ btCollisionAlgorithm* MeshContacts::Factory::CreateCollisionAlgorithm(btCollisio
 
 MeshContacts::MeshContacts(const btCollisionAlgorithmConstructionInfo& info, btCollisionAlgorithm* bullets,
                            bool mesh_first)
-    : btCollisionAlgorithm(info), bullets_(bullets), mesh_first_(mesh_first) {
+    : btCollisionAlgorithm(info), fallback_(bullets), mesh_first_(mesh_first) {
   btManifoldArray manifolds;
   bullets->getAllContactManifolds(manifolds);
   manifold_ = manifolds[0];
 }
 
 MeshContacts::~MeshContacts() {
-  bullets_->~btCollisionAlgorithm();
-  m_dispatcher->freeCollisionAlgorithm(bullets_);
+  fallback_->~btCollisionAlgorithm();
+  m_dispatcher->freeCollisionAlgorithm(fallback_);
 }
 
 void MeshContacts::processCollision(const btCollisionObjectWrapper* first, const btCollisionObjectWrapper* second,
                                     const btDispatcherInfo& info, btManifoldResult* out) {
   const btCollisionObjectWrapper& body = mesh_first_ ? *second : *first;
   const btCollisionObjectWrapper& mesh = mesh_first_ ? *first : *second;
-  if (!FaceContacts::is_alone(body)) return bullets_->processCollision(first, second, info, out);
+  if (!is_met_at_all_points(body)) return fallback_->processCollision(first, second, info, out);
   const auto& shape = static_cast<const btConcaveShape&>(*mesh.getCollisionShape());
   const btScalar within = manifold_->getContactBreakingThreshold();
   const btScalar around = within + shape.getMargin();
@@ -144,11 +148,11 @@ void MeshContacts::processCollision(const btCollisionObjectWrapper* first, const
   const btVector3 more(around, around, around);
   Gather gather(body, mesh.getWorldTransform(), static_cast<double>(shape.getMargin()), static_cast<double>(within));
   shape.processAllTriangles(&gather, low - more, high + more);
-  if (!gather.is_flat()) return bullets_->processCollision(first, second, info, out);
+  if (!gather.is_flat()) return fallback_->processCollision(first, second, info, out);
   out->setBody0Wrap(&body);
   out->setBody1Wrap(&mesh);
   out->setPersistentManifold(manifold_);
-  tell(gather.touched(), *manifold_, *out);
+  replace_points(gather.touched(), *manifold_, *out);
   out->setBody0Wrap(first);
   out->setBody1Wrap(second);
 }

@@ -8,11 +8,11 @@ namespace physics::bullet {
 /// Bullet's algorithm finds one point for each triangle in a step, and keeps those of steps before. Where the mesh is
 /// flat under a body, this one finds all points of the body in each step, as on a plane (FaceContacts): where each of
 /// them that touches the plane of a triangle is straight above that, or above another one in the same plane. What is
-/// partly beyond an edge, lies in a hollow or on a bump, or touches at more than four points, keeps Bullet's.
+/// partly beyond an edge, or on a bump, or touches at more than four points, is left to Bullet's algorithm.
 class MeshContacts final : public btCollisionAlgorithm {
  public:
   class Factory;
-  /// For all shapes that it is for. Outlives the dispatcher.
+  /// One for each pair of shapes. Outlives the dispatcher.
   class Factories;
 
   ~MeshContacts() override;
@@ -23,14 +23,14 @@ class MeshContacts final : public btCollisionAlgorithm {
                         const btDispatcherInfo& info, btManifoldResult* out) override;
   btScalar calculateTimeOfImpact(btCollisionObject* first, btCollisionObject* second, const btDispatcherInfo& info,
                                  btManifoldResult* out) override {
-    return bullets_->calculateTimeOfImpact(first, second, info, out);
+    return fallback_->calculateTimeOfImpact(first, second, info, out);
   }
-  void getAllContactManifolds(btManifoldArray& out) override { bullets_->getAllContactManifolds(out); }
+  void getAllContactManifolds(btManifoldArray& out) override { fallback_->getAllContactManifolds(out); }
 
  private:
   MeshContacts(const btCollisionAlgorithmConstructionInfo& info, btCollisionAlgorithm* bullets, bool mesh_first);
 
-  btCollisionAlgorithm* bullets_;
+  btCollisionAlgorithm* fallback_;
   btPersistentManifold* manifold_ = nullptr;  ///< Of Bullet's algorithm, in the order body, mesh.
   bool mesh_first_;
 };
@@ -38,6 +38,7 @@ class MeshContacts final : public btCollisionAlgorithm {
 /// For btCollisionDispatcher::registerCollisionCreateFunc, in either order of the two.
 class MeshContacts::Factory final : public btCollisionAlgorithmCreateFunc {
  public:
+  /// @param others Bullet's.
   Factory(bool mesh_first, btCollisionAlgorithmCreateFunc* others) : others_(others) { m_swapped = mesh_first; }
   btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
                                                  const btCollisionObjectWrapper* first,

@@ -226,10 +226,16 @@ bool add_crossing(const Axes& held, const Axes& holder, const Way& face, FacePoi
 
 }  // namespace
 
-std::optional<Face> face_towards(const PlacedShape& holder, const Vector3d& point_m) noexcept {
+std::optional<Face> face_along(const PlacedShape& holder, const Vector3d& direction) noexcept {
   if (std::holds_alternative<Plane>(holder.shape)) return plane_of(holder);
   const auto* const box = std::get_if<Box>(&holder.shape);
   if (box == nullptr) return std::nullopt;
+  return face_of(Axes(*box, holder.q_WB, holder.p_WB), direction);
+}
+
+std::optional<Face> face_towards(const PlacedShape& holder, const Vector3d& point_m) noexcept {
+  const auto* const box = std::get_if<Box>(&holder.shape);
+  if (box == nullptr) return face_along(holder, Vector3d::UnitY());
   const Axes axes(*box, holder.q_WB, holder.p_WB);
   const Vector3d from_m = point_m - holder.p_WB;
   Vector3d best = axes.axis[0];

@@ -26,10 +26,18 @@ struct Face {
     const Eigen::Vector3d from_m = point_m - centre_m;
     return std::abs(u.dot(from_m)) <= half_u_m && std::abs(v.dot(from_m)) <= half_v_m;
   }
+  [[nodiscard]] Face without_edges() const noexcept {
+    Face out = *this;
+    out.half_u_m = out.half_v_m = std::numeric_limits<double>::infinity();
+    return out;
+  }
 };
 
 /// The face of a plane or box that a point is farthest beyond. @returns none for what is neither. @realtime Yes.
 [[nodiscard]] std::optional<Face> face_towards(const PlacedShape& holder, const Eigen::Vector3d& point_m) noexcept;
+
+/// The face that looks most along `direction`. @returns as above. @realtime Yes.
+[[nodiscard]] std::optional<Face> face_along(const PlacedShape& holder, const Eigen::Vector3d& direction) noexcept;
 
 /// Corners of the area that two faces share.
 struct FacePoints {

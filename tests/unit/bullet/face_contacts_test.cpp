@@ -92,5 +92,44 @@ TEST(BulletFaceContacts, WhatRollsDoesNotRock) {
   }
 }
 
+/// Where the body is after it has been pushed for so long.
+Vector3d pushed_to_m(const rtbus::config::Scene& scene, const Vector3d& push_n, int steps) {
+  const auto world = tests::bullet(scene);
+  const std::size_t proxy = world->add_proxy({"haptic0", 0.1, 0.005, 0.0, {0, 0.5, 0}});
+  world->place_proxy(proxy, {0, 0.5, 0}, Vector3d::Zero());
+  for (int i = 0; i < steps; ++i) {
+    world->apply_hand_force(proxy, 1, push_n, Vector3d::Zero());
+    world->step(kTick_s);
+  }
+  return world->body_pose(1).position_m;
+}
+
+// Its middle is higher than the kerb: the face that it is beyond is the upper one, and no point of its rim is over
+// that.
+TEST(BulletFaceContacts, ACanStopsBeforeAKerb) {
+  constexpr double kRadius_m = 0.02, kKerb_m = 0.05;
+  rtbus::config::Scene scene = tests::floor_scene();
+  scene.bodies.push_back(tests::body("can", rtbus::config::Cylinder{kRadius_m, 0.06}, {0, 0.03, 0}, kMass_kg));
+  scene.bodies.back().q_WB = Eigen::AngleAxisd(std::acos(-1.0) / 8.0, Vector3d::UnitY());
+  scene.bodies.push_back(tests::body("kerb", shapes::Box{Vector3d(0.02, 0.004, 0.2)}, {kKerb_m + 0.02, 0.004, 0}));
+  const Vector3d at_m = pushed_to_m(scene, {1.1 * kFriction * kFriction * kMass_kg * 9.81, 0, 0}, 1500);
+  EXPECT_NEAR(at_m.x(), kKerb_m - kRadius_m, 1e-4);
+}
+
+// Both sides of it are nearer to each other than what touches.
+TEST(BulletFaceContacts, AThinPlateHoldsOnItsNearSide) {
+  constexpr double kEdge_m = 0.02, kThick_m = 2e-4;
+  auto mesh = std::make_shared<rtbus::config::TriangleMesh>();
+  for (const double y : {0.0, -kThick_m}) {
+    for (const double x : {-0.1, 0.1}) mesh->vertices_m.insert(mesh->vertices_m.end(), {{x, y, -0.1}, {x, y, 0.1}});
+  }
+  mesh->triangles = {{0, 1, 3}, {0, 3, 2}, {4, 7, 5}, {4, 6, 7}};
+  rtbus::config::Scene scene = tests::floor_scene();
+  scene.bodies[0] = tests::body("plate", rtbus::config::Mesh{mesh});
+  scene.bodies.push_back(
+      tests::body("cube", shapes::Box{Vector3d::Constant(0.5 * kEdge_m)}, {0.003, 0.5 * kEdge_m, 0.001}, kMass_kg));
+  EXPECT_NEAR(pushed_to_m(scene, {0.1, 0, 0}, 500).y(), 0.5 * kEdge_m + 0.1e-3, 0.05e-3) << "on the skin of the mesh";
+}
+
 }  // namespace
 }  // namespace face_contacts_test
