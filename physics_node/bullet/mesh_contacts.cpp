@@ -54,15 +54,19 @@ struct Triangle {
 class Gather final : public btTriangleCallback {
  public:
   Gather(const btCollisionObjectWrapper& body, const btTransform& mesh, double skin, double within)
-      : body_(body), mesh_(mesh), skin_(skin), within_(within) {}
+      : body_(body), mesh_(mesh), skin_(skin), within_(within), points_(within) {}
 
   void processTriangle(btVector3* vertices, int, int) override {
     if (!possible_) return;
     const Triangle triangle(vertices, mesh_, skin_, from_bullet(body_.getWorldTransform().getOrigin()));
     if (!shapes::has_area(triangle.corner[0], triangle.corner[1], triangle.corner[2])) return;
-    BodyPoints points(within_);
-    points.find(body_, triangle.face);
-    for (const TouchPoint& each : points.all()) {
+    // Neighbours of a flat part share their plane.
+    const Vector3d& normal = triangle.face.normal;
+    const double height = normal.dot(triangle.face.centre_m);
+    if (normal != plane_normal_ || height != plane_height_) points_.find(body_, triangle.face);
+    plane_normal_ = normal;
+    plane_height_ = height;
+    for (const TouchPoint& each : points_.all()) {
       const bool over = triangle.is_under(each.point);
       std::size_t i = 0;
       while (i < count_ && !is_same(touched_[i], each)) ++i;
@@ -91,6 +95,9 @@ class Gather final : public btTriangleCallback {
   const btCollisionObjectWrapper& body_;
   const btTransform& mesh_;
   double skin_, within_;
+  BodyPoints points_;  ///< Over the plane of the last triangle, which has this normal and height.
+  Vector3d plane_normal_ = Vector3d::Zero();
+  double plane_height_ = 0.0;
   std::array<TouchPoint, MANIFOLD_CACHE_SIZE> touched_;
   std::array<bool, MANIFOLD_CACHE_SIZE> over_{};
   std::size_t count_ = 0;
