@@ -50,6 +50,16 @@ std::vector<FreeCase> free_cases() {
                ", {name: ball, type: dynamic, mass_kg: 0.05, shape: {sphere: {radius_m: 0.012}}, "
                "position_m: [0.045, 0.012, 0], friction: 0.7}]",
            "[0.035, 0.0275, 0]", "[1, 0, 0]", 0.03, 0.03, 2.5, 300.0, 1.0},
+          {"can", "a can pushed off a table",
+           "[{name: table, type: static, shape: {box: {size_m: [0.2, 0.1, 0.1]}}, position_m: [0, -0.05, -0.01], "
+           "friction: 0.5}, {name: can, type: dynamic, mass_kg: 0.2, shape: {cylinder: {radius_m: 0.02, length_m: "
+           "0.04}}, position_m: [0, 0.02, -0.025], friction: 0.4}]",
+           "[0, 0.02, 0.002]", "[0, 0, -1]", 0.06, 0.03, 3.5},
+          {"roller", "a cylinder stroked along its top on a table: it rolls",
+           "[{name: table, type: static, shape: {box: {size_m: [0.4, 0.1, 0.2]}}, position_m: [0, -0.05, 0], "
+           "friction: 0.5}, {name: roller, type: dynamic, mass_kg: 0.1, shape: {cylinder: {radius_m: 0.012, length_m: "
+           "0.05}}, position_m: [0.045, 0.012, 0], orientation_wxyz: [0.70710678, 0.70710678, 0, 0], friction: 0.7}]",
+           "[0.035, 0.0275, 0]", "[1, 0, 0]", 0.03, 0.03, 2.5, 300.0, 1.0},
           {"stack", "a stack of three, pushed down and along at its top",
            "[" + floor +
                ", {name: low, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.04, 0.02, 0.04]}}, "
