@@ -94,6 +94,7 @@ bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, co
     Face holds;
     FacePoints corners;
     if (!find_holder(body, since, motion, told, holds, corners)) return false;
+    holds.normal = corners.normal;
     std::size_t face = 0;
     while (face < face_count_ && !faces_[face].is_of(holds)) ++face;
     if (face < face_count_) {
@@ -106,7 +107,6 @@ bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, co
     if (face_count_ == kFaces) return false;
     held[face] = told;
     found[face] = corners;
-    holds.normal = corners.normal;
     faces_[face_count_] = holds;
     faces_[face_count_++].rest_gap_m.fill(nearest_m(corners, 0.0));
   }

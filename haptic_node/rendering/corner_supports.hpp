@@ -57,7 +57,7 @@ class CornerSupports {
             SupportPool& supports) const noexcept RTBUS_NONBLOCKING;
 
  private:
-  static constexpr double kOnePlane_rad = 0.1;  ///< Parts of a mesh that differ by less are one face.
+  static constexpr double kOneFace = 0.995;  ///< Parts of a mesh whose normals are nearer (a cosine) are one.
   struct Face {
     const rtbus::shapes::PlacedShape* stands = nullptr;  ///< What holds; nullptr: a body that moves …
     int holder = Support::kStands;                       ///< … in that slot of the local world; kStands: a mesh …
@@ -68,8 +68,7 @@ class CornerSupports {
     [[nodiscard]] const rtbus::shapes::PlacedShape& placed() const noexcept { return stands ? *stands : moves; }
     [[nodiscard]] bool is_of(const Face& other) const noexcept {
       const bool mesh = stands == nullptr && holder == Support::kStands;
-      return stands == other.stands && holder == other.holder &&
-             (!mesh || moves.q_WB.angularDistance(other.moves.q_WB) < kOnePlane_rad);
+      return stands == other.stands && holder == other.holder && (!mesh || normal.dot(other.normal) > kOneFace);
     }
   };
   static constexpr std::size_t kFaces = 4;

@@ -36,7 +36,9 @@ class KnownShapes {
       } else if (const auto* const box = std::get_if<rtbus::shapes::Box>(&each.shape)) {
         holders_.push_back({*box, each.q_WB, each.p_WB});
       }
-      has_meshes_ = has_meshes_ || each.surface() != nullptr;
+    }
+    for (std::size_t i = 0; i < shapes_.size(); ++i) {
+      if (shapes_[i].surface() != nullptr) meshes_.push_back(i);
     }
   }
 
@@ -82,10 +84,9 @@ class KnownShapes {
   /// Whether a mesh is there, and looks along `normal`. @param point_m In W. @param normal Unit, in W.
   [[nodiscard]] bool has_mesh_at(const Eigen::Vector3d& point_m,
                                  const Eigen::Vector3d& normal) const noexcept RTBUS_NONBLOCKING {
-    if (!has_meshes_) return false;
     const Eigen::Vector3d above_m = point_m + kAtSurface_m * normal;
-    return std::any_of(shapes_.begin(), shapes_.end(), [&](const Shape& each) {
-      if (each.surface() == nullptr) return false;
+    return std::any_of(meshes_.begin(), meshes_.end(), [&](std::size_t mesh) {
+      const Shape& each = shapes_[mesh];
       const Eigen::Vector3d p_m = each.q_WB.conjugate() * (above_m - each.p_WB);
       std::array<rtbus::shapes::Surface::Minimum, 1> nearest;
       if (each.surface()->minima(p_m, 2.0 * kAtSurface_m, nearest) == 0) return false;
@@ -100,7 +101,7 @@ class KnownShapes {
 
   std::vector<Shape> shapes_;  ///< By body.
   std::vector<rtbus::shapes::PlacedShape> holders_;
-  bool has_meshes_ = false;
+  std::vector<std::size_t> meshes_;  ///< Their places in shapes_.
 };
 
 }  // namespace haptic

@@ -1,4 +1,4 @@
-/// Where a hull lies on a plane: against the corners of a box, and what tips on an edge.
+/// Where a hull lies on a face: against the corners of a box, and what tips on an edge.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -118,26 +118,6 @@ TEST(HullPoints, AreNoneOfAnEmptyHull) {
   out.count = 3;
   hull_points(Hull{}, Quaterniond::Identity(), Vector3d::Zero(), Face{}, out);
   EXPECT_EQ(out.count, 0U);
-}
-
-TEST(FaceTowards, IsTheFaceOfABoxThatAPointIsFarthestBeyond) {
-  const PlacedShape box{rtbus::shapes::Box{{0.2, 0.05, 0.1}}, Quaterniond(AngleAxisd(0.4, Vector3d::UnitY())),
-                        Vector3d(0.3, -0.05, 0.0)};
-  struct Place {
-    Vector3d from_centre, normal;  // in the frame of the box
-    bool is_under;
-  };
-  for (const Place& each :
-       {Place{{0.19, 0.06, 0.0}, Vector3d::UnitY(), true}, Place{{0.21, 0.10, 0.0}, Vector3d::UnitY(), false},
-        Place{{-0.25, 0.06, 0.02}, -Vector3d::UnitX(), false}, Place{{0.0, 0.01, -0.14}, -Vector3d::UnitZ(), true}}) {
-    const Vector3d point_m = box.p_WB + box.q_WB * each.from_centre;
-    const auto face = face_towards(box, point_m);
-    ASSERT_TRUE(face);
-    EXPECT_NEAR((face->normal - box.q_WB * each.normal).norm(), 0.0, 1e-12);
-    EXPECT_EQ(face->is_under(point_m), each.is_under) << each.from_centre.transpose();
-  }
-  EXPECT_FALSE(face_towards(PlacedShape{rtbus::shapes::Sphere{0.1}}, Vector3d::UnitY()));
-  EXPECT_TRUE(face_towards(PlacedShape{Plane{}}, Vector3d::UnitY())->is_under({1e3, 1.0, -1e3}));
 }
 
 }  // namespace hull_points_test
