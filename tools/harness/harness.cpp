@@ -151,11 +151,13 @@ void Harness::step_physics(std::uint64_t begin_ns) {
     hand.link.take_state(begin_ns);
     const rtbus::Stamped<rtbus::DeviceState>& device = hand.link.device;
     if (device.sequence == 0) continue;
-    if (!hand.killed) {
+    // What a killed node has sent before lies in shared memory still.
+    const bool silent = hand.killed && begin_ns > hand.heard_ns + kDeviceSilent_ns;
+    if (!silent) {
       for (const rtbus::DeviceState& state : hand.link.unheard) stepper_->hear(i, state);
       hand.link.unheard.clear();
       stepper_->set_device(i, device.value, device.sequence);
-    } else if (!hand.silent && begin_ns > hand.heard_ns + kDeviceSilent_ns) {
+    } else if (!hand.silent) {
       stepper_->release(i);
       hand.silent = true;
     }
