@@ -122,8 +122,12 @@ void Stepper::queue_hand_impulses(Link& link, const rtbus::DeviceState& device) 
     rows[i].impulse_n_s -= vector_of(before.impulse_n_s[i]);
     rows[i].angular_n_m_s -= vector_of(before.angular_n_m_s[i]);
   }
-  const bool later = device.sample_time_ns > before.time_ns;
-  link.queue.tell(rows, later ? rtbus::seconds_between(before.time_ns, device.sample_time_ns) : 0.0);
+  const std::uint64_t gap_ns = device.sample_time_ns - std::min(before.time_ns, device.sample_time_ns);
+  if (gap_ns > 0) {
+    link.gap.add(gap_ns);
+    link.tick_ns = gap_ns;
+  }
+  link.queue.tell(rows, 1e-9 * static_cast<double>(gap_ns));
   link.hand_impulses.take(device);
 }
 
@@ -140,7 +144,6 @@ void Stepper::HandImpulses::take(const rtbus::DeviceState& device) noexcept {
 /// evenly where two in a row are lost.
 void Stepper::gather_impulses(double dt_s) {
   constexpr double kMostOverNetwork_s = 0.25, kMostOfStep = 0.25, kMostTicks_s = 3e-3;
-  constexpr std::uint64_t kLongestWait_ns = 3 * rtbus::kNsPerMs;
   const double held_s = kMostOfStep * dt_s + kMostTicks_s;
   const auto due_s = [&](const Link& link) {
     return link.queue.due_s(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : held_s);
@@ -155,11 +158,11 @@ void Stepper::gather_impulses(double dt_s) {
   // other one's waits for it, but not for a hand that has ended. A body of a gram gains 0.5 m/s by 0.5 N within 1 ms.
   std::uint64_t newest_ns = 0, common_ns = std::numeric_limits<std::uint64_t>::max();
   for (const Link& link : links_) {
-    if (gives_here(link)) newest_ns = std::max(newest_ns, until_ns(link));
+    if (gives_here(link)) newest_ns = std::max(newest_ns, link.device_time_ns);
   }
   for (const Link& link : links_) {
-    if (gives_here(link) && until_ns(link) + kLongestWait_ns >= newest_ns)
-      common_ns = std::min(common_ns, until_ns(link));
+    const bool ended = link.device_time_ns + link.gap.goes_on_ns(link.tick_ns) < newest_ns;
+    if (gives_here(link) && !ended) common_ns = std::min(common_ns, until_ns(link));
   }
   for (Link& link : links_) {
     link.due.clear();

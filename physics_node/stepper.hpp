@@ -11,6 +11,7 @@
 #include "physics_node/impulse_queue.hpp"
 #include "physics_node/node_config.hpp"
 #include "rtbus/contact_messages.hpp"
+#include "rtbus/longest_gap.hpp"
 #include "rtbus/messages.hpp"
 #include "rtbus/order_messages.hpp"
 
@@ -135,6 +136,8 @@ class Stepper {
     double prediction_periods = 0.0;
     bool owns_proxy = false;          // the device does: bodies get what it gives them, nothing else
     HandImpulses hand_impulses;       // as of its newest state
+    rtbus::LongestGap gap;            // between its samples
+    std::uint64_t tick_ns = 0;        // from the sample before to the newest one
     ImpulseQueue queue;               // what bodies have not received yet
     std::vector<PendingImpulse> due;  // in this step
     // Of what yields to the tool of such a device:

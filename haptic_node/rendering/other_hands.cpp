@@ -9,10 +9,6 @@
 namespace haptic {
 namespace {
 
-/// The longest time between two messages is forgotten over about this long.
-constexpr double kForgets_s = 10.0;
-/// No longer one is taken into account: a hand that has ended must not push on.
-constexpr std::uint64_t kLongestGap_ns = 5 * rtbus::kNsPerMs;
 /// A hand has ended that was not heard for so many times as long as it goes on: what it was taken to give is taken
 /// back.
 constexpr double kEnded = 3.0;
@@ -48,9 +44,7 @@ void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_n
     return;
   }
   hand.tick_ns = state.sample_time_ns - std::min(hand.until_ns, hand.time_ns + gap_ns / 2);
-  const double kept = std::exp(-rtbus::seconds_between(hand.time_ns, state.sample_time_ns) / kForgets_s);
-  const auto longest_ns = static_cast<std::uint64_t>(kept * static_cast<double>(hand.longest_ns));
-  hand.longest_ns = std::clamp(gap_ns, longest_ns, kLongestGap_ns);
+  hand.gap.add(gap_ns);
   hand.time_ns = hand.until_ns = state.sample_time_ns;
 }
 
@@ -80,7 +74,7 @@ Impulse OtherHands::book(const Hand& hand, Row& row, std::uint64_t now_ns) noexc
   row.booked = row.given;
   if (hand.tick_ns > 0 && now_ns > hand.until_ns) {
     const auto silent_ns = static_cast<double>(now_ns - hand.until_ns);
-    const auto goes_on_ns = static_cast<double>(hand.longest_ns + std::min(hand.tick_ns, kLongestGap_ns));
+    const auto goes_on_ns = static_cast<double>(hand.gap.goes_on_ns(hand.tick_ns));
     const bool ended = silent_ns > kEnded * goes_on_ns;
     const double share = ended ? 0.0 : std::min(silent_ns, goes_on_ns) / static_cast<double>(hand.tick_ns);
     row.booked += {share * row.last.linear_n_s, share * row.last.angular_n_m_s};

@@ -12,6 +12,7 @@
 #include "haptic_node/rendering/impulse_history.hpp"
 #include "haptic_node/rendering/method.hpp"
 #include "rtbus/contact_messages.hpp"
+#include "rtbus/longest_gap.hpp"
 #include "rtbus/messages.hpp"
 
 namespace haptic {
@@ -82,10 +83,10 @@ class OtherHands {
   struct Hand {
     std::uint32_t number = 0;  ///< In the session's order.
     std::uint32_t mapping_epoch = 0;
-    std::uint64_t time_ns = 0;     ///< Of its newest sample; 0: none yet.
-    std::uint64_t until_ns = 0;    ///< Its impulses are known so far: beyond a sample that its device repeats.
-    std::uint64_t tick_ns = 0;     ///< In this time it gave the last of them.
-    std::uint64_t longest_ns = 0;  ///< The longest time between two samples of late.
+    std::uint64_t time_ns = 0;   ///< Of its newest sample; 0: none yet.
+    std::uint64_t until_ns = 0;  ///< Its impulses are known so far: beyond a sample that its device repeats.
+    std::uint64_t tick_ns = 0;   ///< In this time it gave the last of them.
+    rtbus::LongestGap gap;
     std::array<Row, rtbus::kHandImpulseRows> rows;
   };
   static void learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_ns) noexcept RTBUS_NONBLOCKING;

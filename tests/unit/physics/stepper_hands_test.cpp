@@ -66,13 +66,21 @@ class TwoHandsAtOneBody : public testing::Test {
     out.hand_impulse_n_s[0] = {(hand == 0 ? kHand_n : -kHand_n) * 1e-3 * static_cast<double>(time_ms), 0, 0};
     return out;
   }
+  /// Each hand tells every millisecond, until its last sample.
   void step(std::uint64_t left_ms, std::uint64_t right_ms) {
-    ++sequence_;
-    stepper_.set_device(0, pushed_until(0, left_ms), sequence_);
-    stepper_.set_device(1, pushed_until(1, right_ms), sequence_);
+    tell(0, left_ms);
+    tell(1, right_ms);
     stepper_.step(kLong_s);
   }
+  void tell(std::size_t hand, std::uint64_t until_ms) {
+    while (told_ms_[hand] < until_ms) {
+      ++told_ms_[hand];
+      if (told_ms_[hand] < until_ms) stepper_.hear(hand, pushed_until(hand, told_ms_[hand]));
+    }
+    stepper_.set_device(hand, pushed_until(hand, until_ms), ++sequence_);
+  }
 
+  std::array<std::uint64_t, 2> told_ms_{};
   std::array<double, 2> given_n_s_{};
   Stepper stepper_{std::make_unique<PushedWorld>(given_n_s_), hands(), 1};
   std::uint64_t sequence_ = 0;
@@ -122,7 +130,21 @@ TEST_F(TwoHandsAtOneBody, DoNotWaitForOneThatHasEnded) {
   step(10, 10);
   step(20, 10);
   EXPECT_NEAR(given_n_s_[0], 10e-3 * kHand_n, 1e-6);
-  EXPECT_EQ(given_n_s_[1], 0.0);
+  EXPECT_NEAR(given_n_s_[1], 0.0, 1e-12);
+}
+
+// Meanwhile what they hold falls.
+TEST_F(TwoHandsAtOneBody, WaitTwoTicksForOneThatHasEnded) {
+  constexpr double kShort_s = 1e-3;
+  constexpr std::uint64_t kEnds_ms = 100;
+  int waited = 0;
+  for (std::uint64_t ms = 1; ms <= kEnds_ms + 20; ++ms) {
+    tell(0, ms);
+    tell(1, std::min(ms, kEnds_ms));
+    stepper_.step(kShort_s);
+    if (ms > kEnds_ms && given_n_s_[0] < 0.5 * kShort_s * kHand_n) ++waited;
+  }
+  EXPECT_EQ(waited, 2);
 }
 
 }  // namespace
