@@ -59,9 +59,9 @@ TEST(ImpulseHistory, TakesTheContactsOfAStepTogether) {
 
 TEST(ImpulseHistory, SharesARecordBetweenStepsThatAreNear) {
   ImpulseHistory history;
-  // A thousand steps fit only because ten share a record.
-  const double sum = push(history, 0.0, 0, 1000, 10 * rtbus::kNsPerMs);
-  for (const std::uint64_t ms : {1ul, 155ul, 500ul, 999ul}) {
+  // So many steps fit only because ten share a record.
+  const double sum = push(history, 0.0, 0, 5000, 10 * rtbus::kNsPerMs);
+  for (const std::uint64_t ms : {1ul, 155ul, 500ul, 4999ul}) {
     EXPECT_NEAR(history.at(ms * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 1e-3 * static_cast<double>(ms), 1e-12);
   }
 }
@@ -73,11 +73,42 @@ TEST(ImpulseHistory, DoesNotShareARecordOverAGap) {
   EXPECT_NEAR(history.at(20 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 1e-3, 1e-15);
 }
 
+TEST(ImpulseHistory, SaysWhenSomethingWasGivenNext) {
+  ImpulseHistory history;
+  double sum = push(history, 0.0, 10, 20);
+  sum = push(history, sum, 50, 60);
+  const auto next_ms = [&](double ms) {
+    return 1e-6 * static_cast<double>(history.first_after(static_cast<std::uint64_t>(ms * 1e6), 99 * rtbus::kNsPerMs));
+  };
+  EXPECT_EQ(next_ms(3), 10.0);
+  EXPECT_EQ(next_ms(15.5), 15.5);
+  EXPECT_EQ(next_ms(20), 50.0);
+  EXPECT_EQ(next_ms(35), 50.0);
+  EXPECT_EQ(next_ms(60), 99.0) << "nothing since";
+}
+
+// Three periods of physics at 5 Hz. A push that changes from step to step.
+TEST(ImpulseHistory, KnowsEachTickOfSlowPhysics) {
+  ImpulseHistory history;
+  constexpr std::uint64_t kPeriod_ms = 200, kTicks = 3 * kPeriod_ms;
+  constexpr std::uint64_t kApart_ns = kTicks * rtbus::kNsPerMs / ImpulseHistory::kRecords;
+  const auto sum_n_s = [](std::uint64_t ms) { return 1e-4 * static_cast<double>(ms * ms % 97); };
+  for (std::uint64_t ms = 0; ms < 10 * kTicks; ++ms) {
+    history.add(ms * rtbus::kNsPerMs, (ms + 1) * rtbus::kNsPerMs, kApart_ns, along_x(sum_n_s(ms)),
+                along_x(sum_n_s(ms + 1)));
+  }
+  for (std::uint64_t ms = 9 * kTicks; ms < 10 * kTicks; ++ms) {
+    ASSERT_NEAR(history.at(ms * rtbus::kNsPerMs, along_x(sum_n_s(10 * kTicks))).linear_n_s.x(), sum_n_s(ms), 1e-15);
+  }
+}
+
 TEST(ImpulseHistory, KeepsTheNewestAndTakesItsBeginningForWhatIsOlder) {
   ImpulseHistory history;
-  const double sum = push(history, 0.0, 0, 200);
-  EXPECT_NEAR(history.at(150 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 0.150, 1e-12);
-  EXPECT_NEAR(history.at(10 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 0.072, 1e-12);
+  constexpr std::uint64_t kSteps = 2000;
+  const double sum = push(history, 0.0, 0, kSteps);
+  EXPECT_NEAR(history.at(1500 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 1.5, 1e-12);
+  const double oldest_n_s = 1e-3 * static_cast<double>(kSteps - ImpulseHistory::kRecords + 1);
+  EXPECT_NEAR(history.at(10 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), oldest_n_s, 1e-12);
   history.forget();
   EXPECT_EQ(history.at(10 * rtbus::kNsPerMs, along_x(0.0)).linear_n_s.x(), 0.0);
 }
