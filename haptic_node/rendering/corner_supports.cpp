@@ -15,9 +15,9 @@ using rtbus::shapes::FacePoints;
 
 /// A corner that is not there does not touch.
 constexpr double kFar_m = 1.0;
-/// Physics lets what stands on a box, and what carries one, tilt by so much, and takes that back in its next steps:
-/// there its corners touch. To fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a hand would be
-/// dragged down by it. A hull that rolls from facet to facet is not held up so.
+/// Physics lets bodies that stand on each other tilt by so much, and takes that back in its next steps: there their
+/// corners touch. To fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a hand would be dragged
+/// down by it. A hull that rolls from facet to facet is not held up so.
 constexpr double kTilts_m = 20e-6;
 /// Walls that are so near are known before physics tells that they hold the box: at 0.1 m/s for 0.1 s.
 constexpr double kBefore_m = 10e-3;
@@ -125,7 +125,7 @@ bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, co
     for (std::size_t j = 0; kCorners * j < before.size(); ++j) {
       if (faces_before[j].is_of(faces_[i])) bore = before.subspan(kCorners * j, kCorners);
     }
-    lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, supports);
+    lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, body.together, supports);
   }
   return true;
 }
@@ -249,9 +249,10 @@ void CornerSupports::add_walls(const SinceAnswer& since, const BodyMotion& motio
 
 /// Adds the rows of a face. Each corner is expected to bear what it bore in physics, whose force on the face is told
 /// with its centre.
-/// @param bore The rows of this face so far, with which its corners begin; empty: it did not lie there.
+/// @param bore The rows of this face so far, with which its corners begin; empty: it did not lie there. @param tilts
+/// See kTilts_m.
 void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoints& corners,
-                            std::span<const Support> bore, const Vector3d& centre_m, double tick_s,
+                            std::span<const Support> bore, const Vector3d& centre_m, double tick_s, bool tilts,
                             SupportPool& supports) noexcept {
   const std::span rows(supports.rows.data() + supports.count, kCorners);
   supports.count += kCorners;
@@ -270,7 +271,7 @@ void CornerSupports::lie_on(std::size_t face, const Support& told, const FacePoi
   for (std::size_t k = 0; k < corners.count; ++k) {
     Support& row = rows[places[k]];
     double& rest_gap_m = faces_[face].rest_gap_m[places[k]];
-    if (hull_ == nullptr && told.force_n > 0.0)
+    if (tilts && hull_ == nullptr && told.force_n > 0.0)
       rest_gap_m = std::clamp(corners.gap_m[k], rest_gap_m, rest_gap_m + kTilts_m);
     row.force_n = shares[k] * told.force_n;
     if (bore.empty()) row.impulse_n_s += (row.force_n * tick_s - row.normal.dot(row.impulse_n_s)) * row.normal;

@@ -89,7 +89,7 @@ class CornerSupports {
   void add_walls(const SinceAnswer& since, const BodyMotion& motion, double friction, std::size_t most_faces,
                  std::span<Support, kFaces> held, std::span<rtbus::shapes::FacePoints, kFaces> found) noexcept;
   void lie_on(std::size_t face, const Support& told, const rtbus::shapes::FacePoints& corners,
-              std::span<const Support> bore, const Eigen::Vector3d& centre_m, double tick_s,
+              std::span<const Support> bore, const Eigen::Vector3d& centre_m, double tick_s, bool tilts,
               SupportPool& supports) noexcept;
   void put(std::size_t face, const rtbus::shapes::FacePoints& corners, const Eigen::Vector3d& centre_m,
            SupportPool& supports) const noexcept;

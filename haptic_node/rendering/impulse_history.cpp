@@ -13,7 +13,7 @@ void ImpulseHistory::add(std::uint64_t begin_ns, std::uint64_t end_ns, std::uint
     const std::size_t last = (count_ - 1) % kRecords;
     follows = begin_ns < time_ns_[last] + (end_ns - begin_ns);
     // The record before it is where the last step began.
-    const bool near = follows && end_ns <= time_ns_[(count_ - 2) % kRecords] + apart_ns;
+    const bool near = follows && time_ns_[last] < time_ns_[(count_ - 2) % kRecords] + apart_ns;
     if (time_ns_[last] == end_ns || near) {
       time_ns_[last] = end_ns;
       sum_[last] = after;

@@ -42,8 +42,8 @@ class ImpulseHistory {
 
   void forget() noexcept RTBUS_NONBLOCKING { count_ = 0; }
   /// A step from `begin_ns` to `end_ns` brought the sum from `before` to `after`. What comes of the same step again,
-  /// and steps that follow each other until they are `apart_ns` long together, share a record. Not earlier than any
-  /// before.
+  /// and steps that follow each other until they are at least `apart_ns` long together, share a record: a push without
+  /// gaps is known for kRecords − 1 times as long. Not earlier than any before.
   void add(std::uint64_t begin_ns, std::uint64_t end_ns, std::uint64_t apart_ns, const Impulse& before,
            const Impulse& after) noexcept RTBUS_NONBLOCKING;
   /// The last step gave that more, if it ended at `end_ns`.

@@ -80,7 +80,8 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   if (solve(spring, h, kTolerance_m_s) > 0) give_impulses();
   ease(spring, h);
   if (yielding_.averages()) {
-    calm_n_s_ = unheld(yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h));
+    calm_n_s_ =
+        unheld(spring, h, yielding_.calm_n_s(rows_.data(), eased_n_, spring.goal_m, spring.stiffness_n_per_m, h));
     impulse_n_s_ += calm_n_s_;
   }
   yielding_.keep(rows_.data(), h);
@@ -246,13 +247,20 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
 }
 
 /// @param push_n_s Of a mean, on the proxy, instead of what wavers. @returns what the hand feels of it: where the proxy
-/// is pressed to a wall, the wall bears as much more or less, and its friction too.
-Vector3d LocalWorld::unheld(Vector3d push_n_s) const noexcept {
+/// is pressed to a wall, the wall bears as much more or less, and its friction too. Where it is above one, the wall
+/// catches it.
+Vector3d LocalWorld::unheld(const LocalSpring& spring, double h, Vector3d push_n_s) const noexcept {
   if (push_n_s.isZero(0.0)) return push_n_s;
   for (std::size_t i = 0; i < solved_contacts_; ++i) {
     const SolverContact& row = rows_[i];
-    if (row.normal_n_s <= 0.0) continue;
-    const double less_n_s = std::min(row.normal.dot(push_n_s), row.normal_n_s);
+    const double along_n_s = row.normal.dot(push_n_s);
+    if (row.normal_n_s <= 0.0) {
+      const double gap_m =
+          h * (row.closing_m_s + row.normal.dot(solver_bodies_[0].velocity_m_s - row.surface_velocity_m_s));
+      push_n_s -= std::min(0.0, along_n_s + h * spring.stiffness_n_per_m * std::max(0.0, gap_m)) * row.normal;
+      continue;
+    }
+    const double less_n_s = std::min(along_n_s, row.normal_n_s);
     push_n_s -= less_n_s * row.normal;
     const Vector3d across_n_s = row.impulse_n_s - row.normal_n_s * row.normal;
     Vector3d holds_n_s = across_n_s - (push_n_s - row.normal.dot(push_n_s) * row.normal);

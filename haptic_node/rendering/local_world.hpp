@@ -127,7 +127,7 @@ class LocalWorld {
   void ease(const LocalSpring& spring, double h) noexcept;
   std::size_t gather(double h, bool again) noexcept;
   [[nodiscard]] bool hand_rests() const noexcept { return hand_m_s_.norm() < tuning_.resting_hand_m_s(); }
-  [[nodiscard]] Eigen::Vector3d unheld(Eigen::Vector3d push_n_s) const noexcept;
+  [[nodiscard]] Eigen::Vector3d unheld(const LocalSpring& spring, double h, Eigen::Vector3d push_n_s) const noexcept;
   void give_impulses() noexcept;
   void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
             const Eigen::Vector3d& from_centre_m, bool moves) noexcept;

@@ -102,6 +102,23 @@ TEST(ImpulseHistory, KnowsEachTickOfSlowPhysics) {
   }
 }
 
+// Whatever the tick: of a loop at 10 kHz two or more share a record.
+TEST(ImpulseHistory, ReachesBackAsFarAsItIsAskedTo) {
+  constexpr std::uint64_t kTick_ns = 100 * rtbus::kNsPerUs;
+  for (const std::uint64_t history_ms : {90u, 120u, 170u, 210u, 600u}) {
+    ImpulseHistory history;
+    const std::uint64_t apart_ns = history_ms * rtbus::kNsPerMs / (ImpulseHistory::kRecords - 1) + 1;
+    const std::uint64_t ticks = 3 * history_ms * rtbus::kNsPerMs / kTick_ns;
+    const auto sum_n_s = [](std::uint64_t tick) { return 1e-6 * static_cast<double>(tick); };
+    for (std::uint64_t i = 0; i < ticks; ++i) {
+      history.add(i * kTick_ns, (i + 1) * kTick_ns, apart_ns, along_x(sum_n_s(i)), along_x(sum_n_s(i + 1)));
+    }
+    const std::uint64_t then = ticks - history_ms * rtbus::kNsPerMs / kTick_ns;
+    EXPECT_NEAR(history.at(then * kTick_ns, along_x(sum_n_s(ticks))).linear_n_s.x(), sum_n_s(then), 1e-12)
+        << history_ms << " ms";
+  }
+}
+
 TEST(ImpulseHistory, KeepsTheNewestAndTakesItsBeginningForWhatIsOlder) {
   ImpulseHistory history;
   constexpr std::uint64_t kSteps = 2000;

@@ -185,6 +185,25 @@ TEST_F(YieldingBodiesTest, AWallBearsWhatWavers) {
   EXPECT_LT(aside_n, 2e-3) << "friction of the wall";
 }
 
+// A soft body that wavers lifts the tool off a wall now and then. By its mean the tool would lie there.
+TEST_F(YieldingBodiesTest, AWallCatchesWhatTheMeanLetsDown) {
+  constexpr double kHand_m = -0.002, kAtWall_n = -kHand_m * kHandN_m;
+  reset({0.0, 0, 0});
+  double least_n = 1e9, highest_m = 0.0;
+  for (int answer = 0; answer < 60; ++answer) {
+    const double reaction_n = answer % 6 < 4 ? 0.1 * kAtWall_n : 1.8 * kAtWall_n;
+    world->take(soft_at_wall({reaction_n, 0, 0}, 0.0, now_ns), now_ns);
+    for (int i = 0; i < 50; ++i) {
+      const double force_n = tick({kHand_m, 0, 0}).x();
+      if (answer < 40) continue;
+      least_n = std::min(least_n, force_n);
+      highest_m = std::max(highest_m, world->position_m().x());
+    }
+  }
+  EXPECT_GT(highest_m, 1e-5) << "it is lifted";
+  EXPECT_NEAR(least_n, kAtWall_n, 0.02 * kAtWall_n);
+}
+
 // The hand pulls it out of a wall, and a soft body back in.
 TEST_F(YieldingBodiesTest, DoNotPullTheToolIntoAWall) {
   constexpr double kDepth_m = 0.001;
