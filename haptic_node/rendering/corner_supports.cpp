@@ -15,9 +15,9 @@ using rtbus::shapes::FacePoints;
 
 /// A corner that is not there does not touch.
 constexpr double kFar_m = 1.0;
-/// Physics lets bodies that stand on each other tilt by so much, and takes that back in its next steps: there their
-/// corners touch. To fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a hand would be dragged
-/// down by it. A hull that rolls from facet to facet is not held up so.
+/// Physics lets bodies that stand on each other, and what stands on a rim, tilt by so much, and takes that back in its
+/// next steps: there their corners touch. To fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a
+/// hand would be dragged down by it. A hull that rolls from facet to facet is not held up so.
 constexpr double kTilts_m = 20e-6;
 /// Walls that are so near are known before physics tells that they hold the box: at 0.1 m/s for 0.1 s.
 constexpr double kBefore_m = 10e-3;
@@ -125,7 +125,7 @@ bool CornerSupports::lie_down(const ToldBody& body, const SinceAnswer& since, co
     for (std::size_t j = 0; kCorners * j < before.size(); ++j) {
       if (faces_before[j].is_of(faces_[i])) bore = before.subspan(kCorners * j, kCorners);
     }
-    lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, body.together, supports);
+    lie_on(i, held[i], found[i], bore, motion.centre_m, since.tick_s, body.together || cylinder_ != nullptr, supports);
   }
   return true;
 }
