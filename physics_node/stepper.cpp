@@ -155,14 +155,15 @@ void Stepper::gather_impulses(double dt_s) {
     return received_until_ns(link) + rtbus::ns_of(std::min(due_s(link), link.queue.queued_s()));
   };
   // Hands that press a body between them give it equally long pushes: where the last sample of one is not there, the
-  // other one's waits for it, but not for a hand that has ended. A body of a gram gains 0.5 m/s by 0.5 N within 1 ms.
+  // other one's waits for it, but not for a hand that has ended, and no more than held_s of it. A body of a gram gains
+  // 0.5 m/s by 0.5 N within 1 ms.
   std::uint64_t newest_ns = 0, common_ns = std::numeric_limits<std::uint64_t>::max();
   for (const Link& link : links_) {
     if (gives_here(link)) newest_ns = std::max(newest_ns, link.device_time_ns);
   }
   for (const Link& link : links_) {
-    const bool ended = link.device_time_ns + link.gap.goes_on_ns(link.tick_ns) < newest_ns;
-    if (gives_here(link) && !ended) common_ns = std::min(common_ns, until_ns(link));
+    const bool is_due = link.device_time_ns + link.gap.goes_on_ns(link.tick_ns) >= newest_ns;
+    if (gives_here(link) && is_due) common_ns = std::min(common_ns, until_ns(link));
   }
   for (Link& link : links_) {
     link.due.clear();

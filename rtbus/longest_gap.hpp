@@ -1,6 +1,6 @@
 #pragma once
 /// @file longest_gap.hpp
-/// How long a hand may be silent before it has ended.
+/// How long a silent hand is taken to push on.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>

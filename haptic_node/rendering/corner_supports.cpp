@@ -15,7 +15,7 @@ using rtbus::shapes::FacePoints;
 
 /// A corner that is not there does not touch.
 constexpr double kFar_m = 1.0;
-/// Physics lets bodies that stand on each other, and what stands on a rim, tilt by so much, and takes that back in its
+/// Physics lets bodies that touch each other, and what stands on a rim, tilt by so much, and takes that back in its
 /// next steps: there their corners touch. To fall by 5 um within a tick is 5 mm/s, which each answer takes back, and a
 /// hand would be dragged down by it. A hull that rolls from facet to facet is not held up so.
 constexpr double kTilts_m = 20e-6;

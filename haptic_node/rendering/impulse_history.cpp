@@ -9,6 +9,7 @@ namespace haptic {
 void ImpulseHistory::add(std::uint64_t begin_ns, std::uint64_t end_ns, std::uint64_t apart_ns, const Impulse& before,
                          const Impulse& after) noexcept {
   bool follows = false;
+  if (count_ > 0 && end_ns < time_ns_[(count_ - 1) % kRecords]) forget();  // a clock that was set back
   if (count_ > 0) {
     const std::size_t last = (count_ - 1) % kRecords;
     follows = begin_ns < time_ns_[last] + (end_ns - begin_ns);

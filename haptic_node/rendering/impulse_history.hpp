@@ -39,11 +39,12 @@ class ImpulseHistory {
   /// Each tick of 1 ms has its own for three periods of physics at 5 Hz. Where four ticks shared one, what a body of 3
   /// g had got since an answer was 16 uN·s off, and it oscillated by 0.2 N.
   static constexpr std::size_t kRecords = 1024;
+  static constexpr std::size_t kSpan = kRecords - 2;  ///< Between them; the newest may be short.
 
   void forget() noexcept RTBUS_NONBLOCKING { count_ = 0; }
-  /// A step from `begin_ns` to `end_ns` brought the sum from `before` to `after`. What comes of the same step again,
-  /// and steps that follow each other until they are at least `apart_ns` long together, share a record: a push without
-  /// gaps is known for kRecords − 1 times as long. Not earlier than any before.
+  /// A step from `begin_ns` to `end_ns` brought the sum from `before` to `after`. What comes of the same step again
+  /// shares a record, and so do steps that follow each other until they are `apart_ns` long together. So a push without
+  /// gaps is known for kSpan times as long. Not earlier than any before.
   void add(std::uint64_t begin_ns, std::uint64_t end_ns, std::uint64_t apart_ns, const Impulse& before,
            const Impulse& after) noexcept RTBUS_NONBLOCKING;
   /// The last step gave that more, if it ended at `end_ns`.

@@ -255,6 +255,7 @@ Vector3d LocalWorld::unheld(const LocalSpring& spring, double h, Vector3d push_n
     const SolverContact& row = rows_[i];
     const double along_n_s = row.normal.dot(push_n_s);
     if (row.normal_n_s <= 0.0) {
+      if (row.b != SolverContact::kFixed) continue;  // it would give way
       const double gap_m =
           h * (row.closing_m_s + row.normal.dot(solver_bodies_[0].velocity_m_s - row.surface_velocity_m_s));
       push_n_s -= std::min(0.0, along_n_s + h * spring.stiffness_n_per_m * std::max(0.0, gap_m)) * row.normal;

@@ -44,7 +44,7 @@ void LocalWorld::take(const rtbus::ProxyContacts& answer, std::uint64_t now_ns) 
       std::max(tuning_.good_periods * answer.step_s + tuning_.good_besides_s, kGoodForAge * network_s);
   good_until_ns_ = now_ns + static_cast<std::uint64_t>(good_s * 1e9);
   const double history_ns = std::max(tuning_.history_periods() * answer.step_s, kHistoryAges * network_s) * 1e9;
-  const auto apart_ns = static_cast<std::uint64_t>(history_ns / (ImpulseHistory::kRecords - 1)) + 1;
+  const auto apart_ns = static_cast<std::uint64_t>(history_ns / ImpulseHistory::kSpan) + 1;
   // Without a network samples and steps keep in step.
   const double after_s = clock_.sample_after_world_s(answer.step_index, answer.step_s, answer.device_time_ns);
   world_lag_s_ = networked_ ? after_s : 0.0;

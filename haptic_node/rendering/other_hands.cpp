@@ -1,9 +1,7 @@
 #include "haptic_node/rendering/other_hands.hpp"
 
 #include <algorithm>
-#include <cmath>
 
-#include "rtbus/clock.hpp"
 #include "rtbus/eigen.hpp"
 
 namespace haptic {
@@ -19,6 +17,14 @@ Impulse told_in(const rtbus::DeviceState& state, std::size_t row) noexcept {
 
 }  // namespace
 
+/// Without a copy: the history is long.
+void OtherHands::Row::begin(std::uint32_t for_body, std::uint32_t of_generation) noexcept {
+  body = for_body;
+  generation = of_generation;
+  told = given = last = booked = booked_before = Impulse{};
+  history.forget();
+}
+
 /// A sample that is repeated stands for one more tick, which the next one does not count again (LocalContact::step_to).
 void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_ns) noexcept {
   const rtbus::DeviceState& state = heard.state.value;
@@ -30,9 +36,7 @@ void OtherHands::learn(Hand& hand, const OtherHand& heard, std::uint64_t apart_n
     hand.mapping_epoch = state.mapping_epoch;
     hand.time_ns = hand.until_ns = state.sample_time_ns;
     for (std::size_t i = 0; i < hand.rows.size(); ++i) {
-      hand.rows[i] = Row{};
-      hand.rows[i].body = state.hand_impulse_body[i];
-      hand.rows[i].generation = state.hand_impulse_generation[i];
+      hand.rows[i].begin(state.hand_impulse_body[i], state.hand_impulse_generation[i]);
       hand.rows[i].told = told_in(state, i);
     }
     return;
@@ -52,9 +56,7 @@ void OtherHands::learn_row(Hand& hand, std::size_t index, const rtbus::DeviceSta
                            std::uint64_t apart_ns) noexcept {
   Row& row = hand.rows[index];
   if (row.generation != state.hand_impulse_generation[index] || row.body != state.hand_impulse_body[index]) {
-    row = Row{};
-    row.body = state.hand_impulse_body[index];
-    row.generation = state.hand_impulse_generation[index];
+    row.begin(state.hand_impulse_body[index], state.hand_impulse_generation[index]);
   }
   const Impulse told = told_in(state, index);
   row.last = told - row.told;

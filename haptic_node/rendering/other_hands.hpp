@@ -79,6 +79,8 @@ class OtherHands {
     Impulse last;                   ///< In its last tick.
     Impulse booked, booked_before;  ///< With what it is taken to give meanwhile: in this tick, and in the one before.
     ImpulseHistory history;
+
+    void begin(std::uint32_t for_body, std::uint32_t of_generation) noexcept RTBUS_NONBLOCKING;
   };
   struct Hand {
     std::uint32_t number = 0;  ///< In the session's order.

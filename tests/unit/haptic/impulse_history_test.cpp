@@ -91,7 +91,7 @@ TEST(ImpulseHistory, SaysWhenSomethingWasGivenNext) {
 TEST(ImpulseHistory, KnowsEachTickOfSlowPhysics) {
   ImpulseHistory history;
   constexpr std::uint64_t kPeriod_ms = 200, kTicks = 3 * kPeriod_ms;
-  constexpr std::uint64_t kApart_ns = kTicks * rtbus::kNsPerMs / ImpulseHistory::kRecords;
+  constexpr std::uint64_t kApart_ns = kTicks * rtbus::kNsPerMs / ImpulseHistory::kSpan + 1;
   const auto sum_n_s = [](std::uint64_t ms) { return 1e-4 * static_cast<double>(ms * ms % 97); };
   for (std::uint64_t ms = 0; ms < 10 * kTicks; ++ms) {
     history.add(ms * rtbus::kNsPerMs, (ms + 1) * rtbus::kNsPerMs, kApart_ns, along_x(sum_n_s(ms)),
@@ -102,21 +102,56 @@ TEST(ImpulseHistory, KnowsEachTickOfSlowPhysics) {
   }
 }
 
-// Whatever the tick: of a loop at 10 kHz two or more share a record.
+// Whatever the tick: of a loop at 10 kHz several share a record.
 TEST(ImpulseHistory, ReachesBackAsFarAsItIsAskedTo) {
   constexpr std::uint64_t kTick_ns = 100 * rtbus::kNsPerUs;
-  for (const std::uint64_t history_ms : {90u, 120u, 170u, 210u, 600u}) {
-    ImpulseHistory history;
-    const std::uint64_t apart_ns = history_ms * rtbus::kNsPerMs / (ImpulseHistory::kRecords - 1) + 1;
-    const std::uint64_t ticks = 3 * history_ms * rtbus::kNsPerMs / kTick_ns;
-    const auto sum_n_s = [](std::uint64_t tick) { return 1e-6 * static_cast<double>(tick); };
-    for (std::uint64_t i = 0; i < ticks; ++i) {
-      history.add(i * kTick_ns, (i + 1) * kTick_ns, apart_ns, along_x(sum_n_s(i)), along_x(sum_n_s(i + 1)));
+  for (const std::uint64_t history_ms : {90u, 120u, 170u, 210u, 409u, 600u}) {
+    for (const std::uint64_t phase : {0u, 1u, 2u, 3u}) {
+      ImpulseHistory history;
+      const std::uint64_t apart_ns = history_ms * rtbus::kNsPerMs / ImpulseHistory::kSpan + 1;
+      const std::uint64_t ticks = 3 * history_ms * rtbus::kNsPerMs / kTick_ns + phase;
+      const auto sum_n_s = [](std::uint64_t tick) { return 1e-6 * static_cast<double>(tick); };
+      for (std::uint64_t i = 0; i < ticks; ++i) {
+        history.add(i * kTick_ns, (i + 1) * kTick_ns, apart_ns, along_x(sum_n_s(i)), along_x(sum_n_s(i + 1)));
+      }
+      const std::uint64_t then = ticks - history_ms * rtbus::kNsPerMs / kTick_ns;
+      EXPECT_NEAR(history.at(then * kTick_ns, along_x(sum_n_s(ticks))).linear_n_s.x(), sum_n_s(then), 1e-12)
+          << history_ms << " ms, " << phase;
     }
-    const std::uint64_t then = ticks - history_ms * rtbus::kNsPerMs / kTick_ns;
-    EXPECT_NEAR(history.at(then * kTick_ns, along_x(sum_n_s(ticks))).linear_n_s.x(), sum_n_s(then), 1e-12)
-        << history_ms << " ms";
   }
+}
+
+// Steps of a loop do not begin where the last one ended: clocks jitter, samples are repeated.
+TEST(ImpulseHistory, TakesStepsThatDoNotQuiteFollow) {
+  ImpulseHistory history;
+  double sum = 0.0;
+  for (std::uint64_t ms = 0; ms < 100; ++ms) {
+    const std::uint64_t begin_ns = 1000 * rtbus::kNsPerMs + ms * rtbus::kNsPerMs;
+    const std::uint64_t off_ns = 300 * rtbus::kNsPerUs;
+    history.add(ms % 2 == 0 ? begin_ns - off_ns : begin_ns + off_ns, begin_ns + rtbus::kNsPerMs, 0, along_x(sum),
+                along_x(sum + 1e-3));
+    sum += 1e-3;
+  }
+  for (const std::uint64_t ms : {1u, 50u, 99u}) {
+    EXPECT_NEAR(history.at((1000 + ms) * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 1e-3 * static_cast<double>(ms),
+                1e-12);
+  }
+}
+
+TEST(ImpulseHistory, PutsRightAStepThatSharesARecord) {
+  ImpulseHistory history;
+  double sum = push(history, 0.0, 0, 5, 10 * rtbus::kNsPerMs);
+  history.correct(5 * rtbus::kNsPerMs, along_x(2e-3));
+  sum = push(history, sum + 2e-3, 5, 8, 10 * rtbus::kNsPerMs);
+  EXPECT_NEAR(history.at(8 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 10e-3, 1e-15);
+  EXPECT_NEAR(history.at(4 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 5e-3, 1e-15) << "evenly";
+}
+
+TEST(ImpulseHistory, BeginsAnewWhenTimeGoesBack) {
+  ImpulseHistory history;
+  (void)push(history, 0.0, 100, 200);
+  const double sum = push(history, 0.1, 10, 20);
+  EXPECT_NEAR(history.at(15 * rtbus::kNsPerMs, along_x(sum)).linear_n_s.x(), 0.105, 1e-12);
 }
 
 TEST(ImpulseHistory, KeepsTheNewestAndTakesItsBeginningForWhatIsOlder) {

@@ -147,4 +147,20 @@ TEST_F(TwoHandsAtOneBody, WaitTwoTicksForOneThatHasEnded) {
   EXPECT_EQ(waited, 2);
 }
 
+// Its pause was no gap between samples.
+TEST_F(TwoHandsAtOneBody, WaitTwoTicksAlsoForOneThatHadPaused) {
+  constexpr double kShort_s = 1e-3;
+  constexpr std::uint64_t kPauses_ms = 50, kBack_ms = 5000, kEnds_ms = 5100;
+  int waited = 0;
+  for (std::uint64_t ms = 1; ms <= kEnds_ms + 20; ++ms) {
+    tell(0, ms);
+    if (ms == kPauses_ms) stepper_.release(1);
+    if (ms == kBack_ms) told_ms_[1] = ms - 1;
+    if (ms < kPauses_ms || ms >= kBack_ms) tell(1, std::min(ms, kEnds_ms));
+    stepper_.step(kShort_s);
+    if (ms > kEnds_ms && given_n_s_[0] < 0.5 * kShort_s * kHand_n) ++waited;
+  }
+  EXPECT_EQ(waited, 2);
+}
+
 }  // namespace
