@@ -22,11 +22,11 @@ constexpr double kSoftError_n = 0.05;  ///< RMS: a body that creeps under the ha
 constexpr double kSoftRestShare = 0.03;  ///< Of the force that Bullet's own tool bears.
 constexpr double kBeadsCalm_n = 0.02;    ///< RMS above 30 Hz.
 
-std::string pressing_hand(const char* start_m, double distance_m) {
+std::string pressing_hand(const char* start_m, double distance_m, double speed_m_s = 0.03) {
   return formatted(
       "haptic.0.device={schema: device/1, driver: simulated, model: phantom_desktop, hand: {type: push, "
-      "start_m: %s, direction: [0, -1, 0], distance_m: %g, speed_m_s: 0.03, start_s: %g, impedance: light}}",
-      start_m, distance_m, kPressed_s);
+      "start_m: %s, direction: [0, -1, 0], distance_m: %g, speed_m_s: %g, start_s: %g, impedance: light}}",
+      start_m, distance_m, speed_m_s, kPressed_s);
 }
 
 double mean_n(const HandRun& run, double from_s) {
@@ -54,18 +54,43 @@ std::vector<std::string> with_rate(const char* method, double physics_hz) {
   return settings;
 }
 
+/// @param hand A device with it, that presses.
+HandRun press_rabbit(const LocalContactOptions& options, const char* method, double physics_hz, const std::string& hand,
+                     double end_s) {
+  std::vector<std::string> settings = with_rate(method, physics_hz);
+  settings.insert(settings.end(),
+                  {hand, "haptic.0.mapping={offset_m: [0, 0.048, 0]}",
+                   "haptic.0.coupling={stiffness_n_per_m: 300, damping_n_s_per_m: 0.5}", "physics.rate_hz=1000",
+                   "haptic.0.proxy={mass_kg: 0.1, radius_m: 0.007, friction: 0}"});
+  return run_hand(options, options.config_folder + "/soft.yaml", settings, end_s);
+}
+
+/// What a rabbit bears at rest depends on how fast it was pressed. No checks.
+Table press_rabbit_at_speeds(const LocalContactOptions& options) {
+  constexpr double kDepth_m = 0.006, kRest_s = 2.5, kEnd_s = 3.0;
+  Table table{"local_contact_rabbit_speeds",
+              {"pressed at [m/s]", "Bullet's own tool [N]", "no latency, over that", "100 Hz", "43 Hz", "18 Hz"},
+              {}};
+  for (const double speed_m_s : {0.01, 0.015, 0.02, 0.03, 0.04, 0.06}) {
+    if (interrupted() || options.quick) break;
+    const std::string hand = pressing_hand("[-0.01, 0.006, 0]", 0.006 + kDepth_m, speed_m_s);
+    const auto rest_n = [&](const char* method, double physics_hz) {
+      return mean_n(press_rabbit(options, method, physics_hz, hand, kEnd_s), kRest_s);
+    };
+    const double own_n = rest_n(kRemoteCoupling, 0.0);
+    table.rows.push_back({speed_m_s, own_n, rest_n(kLocalContact, 0.0) / own_n, rest_n(kLocalContact, 100.0) / own_n,
+                          rest_n(kLocalContact, 43.0) / own_n, rest_n(kLocalContact, 18.0) / own_n});
+  }
+  return table;
+}
+
 /// A rabbit is pressed and held, without friction, with which it creeps as it likes. Truth of the
 /// motion: the method without latency. Truth of the rest: Bullet's own tool without latency, a body on the same spring.
 Panel press_soft(const LocalContactOptions& options, double depth_m, Table& table, Experiment& experiment) {
   const std::string id = formatted("local-contact.yields.soft_%gmm", 1e3 * depth_m);
   const std::string what = formatted("soft rabbit pressed by %g mm", 1e3 * depth_m);
   const auto press = [&](const char* method, double physics_hz) {
-    std::vector<std::string> settings = with_rate(method, physics_hz);
-    settings.insert(settings.end(),
-                    {pressing_hand("[-0.01, 0.006, 0]", 0.006 + depth_m), "haptic.0.mapping={offset_m: [0, 0.048, 0]}",
-                     "haptic.0.coupling={stiffness_n_per_m: 300, damping_n_s_per_m: 0.5}", "physics.rate_hz=1000",
-                     "haptic.0.proxy={mass_kg: 0.1, radius_m: 0.007, friction: 0}"});
-    return run_hand(options, options.config_folder + "/soft.yaml", settings, kSoftEnd_s);
+    return press_rabbit(options, method, physics_hz, pressing_hand("[-0.01, 0.006, 0]", 0.006 + depth_m), kSoftEnd_s);
   };
   const HandRun truth = press(kLocalContact, 0.0), own = press(kRemoteCoupling, 0.0);
   const double own_n = mean_n(own, kSoftRest_s);
@@ -140,6 +165,7 @@ void claim_yields(const LocalContactOptions& options, Experiment& experiment) {
   }
   if (!interrupted()) panels.push_back(press_beads(options, table, experiment));
   experiment.add_table(std::move(table));
+  if (!options.quick) experiment.add_table(press_rabbit_at_speeds(options));
   draw_panels(experiment, "local_contact_yields", "What yields is pressed at 30 mm/s, and held", panels);
 }
 
