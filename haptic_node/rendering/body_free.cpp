@@ -24,10 +24,6 @@ constexpr double kPatchRadius = std::numbers::sqrt3;
 constexpr double kOut = 0.2, kOut_m_s = 0.05;
 /// A cylinder rolls on its side where its axis is so near to the plane below it (a cosine).
 constexpr double kLying = 0.1;
-/// What is lighter than so many masses of the proxy in a tick rocks on its corners between hand and answer, and does
-/// not come to rest: of 24 961 cases in the stability envelope 9 did, with 9 of them or less. With its own spring it
-/// swings once in 28 ticks or faster, which is not slow beside an answer.
-constexpr double kHeavy = 20.0;
 /// Behind a network a support gives way for so long, however old the answer is.
 constexpr double kGivesWay_s = 10e-3;
 /// So much of what the hand presses more than at an answer's instant may be gone after its age.
@@ -53,8 +49,7 @@ void FreeBody::take(const ToldBody& told, const SinceAnswer& since, double hand_
   ball_ = told.is_ball(told.row);
   supported_ = rocks_ = rolls_ = false;
   const auto corners_before = corners_.leave(old);
-  const bool heavy = is_heavy(inverse_mass_per_kg_, since.proxy_kg);
-  shape_ = heavy && told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
+  shape_ = told.knows_orientation() ? since.shapes.mover_of(answer.body_index[told.row]) : nullptr;
   corners_.be(shape_, told.origin_B_m());
   // A hand that pushes otherwise than at the answered instant moves it against its supports, and its own spring relaxes
   // by that. What is light would sink and rise with every answer.
@@ -213,14 +208,6 @@ SolverContact FreeBody::row_of(const Support& support, double h) const noexcept 
   row.torsion_n_m_s = support.torsion_n_m_s;
   if (!supported_) row.held_n_s = friction_bound_n_ * h;
   return row;
-}
-
-bool FreeBody::is_heavy(double inverse_mass_per_kg, double proxy_kg) noexcept {
-  return inverse_mass_per_kg * proxy_kg * kHeavy < 1.0;
-}
-
-double FreeBody::light_kg(double proxy_kg) const noexcept {
-  return inverse_mass_per_kg_ > 0.0 && !is_heavy(inverse_mass_per_kg_, proxy_kg) ? 1.0 / inverse_mass_per_kg_ : 0.0;
 }
 
 bool FreeBody::goes_on(const BodyMotion& motion, const Impulse& given) const noexcept {

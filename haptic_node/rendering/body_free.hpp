@@ -40,9 +40,6 @@ class FreeBody {
   /// @param together At most kMostTogether, of one answer.
   static void replay(std::span<Replayed> together, SupportPool& supports) noexcept RTBUS_NONBLOCKING;
 
-  /// Whether that mass is so much that a tick of the loop does not throw it: `proxy_kg` is h(hK + B).
-  [[nodiscard]] static bool is_heavy(double inverse_mass_per_kg, double proxy_kg) noexcept;
-
   /// An answer does not name the body: it stands on nothing that is known, and so has no weight either.
   void leave_supports() noexcept {
     support_count_ = 0;
@@ -93,11 +90,8 @@ class FreeBody {
   /// Answers are late: what stands on nothing loses its forces.
   void brake() noexcept RTBUS_NONBLOCKING;
 
-  /// The scene tells its shape, and it is heavy enough to be met there.
+  /// The scene tells its shape.
   [[nodiscard]] bool has_shape() const noexcept { return shape_ != nullptr; }
-
-  /// Its mass, if that is so little beside the proxy's in a tick that the spring alone makes them swing; else 0.
-  [[nodiscard]] double light_kg(double proxy_kg) const noexcept;
 
   /// Stands on an edge or a point, and does not roll there: what it does at an instant is noise.
   [[nodiscard]] bool rocks() const noexcept { return rocks_ && !rolls_; }

@@ -39,7 +39,6 @@ void LocalWorld::reset(const Vector3d& proxy_m, std::uint64_t sample_ns) noexcep
   shapes_.forget_names();
   good_until_ns_ = 0;
   clock_.forget();
-  light_kg_ = 0.0;
   on_free_ = false;
 }
 
@@ -97,15 +96,14 @@ void LocalWorld::advance(const LocalSpring& spring, std::uint64_t sample_ns, dou
   move_bodies(h);
 }
 
-/// A light body swings on the spring within few ticks. Physics hears of that too late to brake it, so that it is braked
-/// here: by half of what is critical, as long as it is touched. Any other body swings on a spring without damping under
-/// a hand that rests, and each answer that is late or lost makes it swing anew. Behind a network the damping is as
-/// asked for: its echo comes back a round trip later (docs/decisions/0021).
+/// A body swings on a spring without damping under a hand that rests, and each answer that is late or lost makes it
+/// swing anew: there the coupling is damped. Behind a network the damping is as asked for: its echo comes back a round
+/// trip later (docs/decisions/0021).
 void LocalWorld::pull_proxy(const LocalSpring& spring, double h) noexcept {
   LocalSpring damped = spring;
-  damped.damping_n_s_per_m =
-      std::max({spring.damping_n_s_per_m, std::sqrt(spring.stiffness_n_per_m * light_kg_),
-                on_free_ && !networked_ && hand_rests() ? spring.resting_damping_n_s_per_m : 0.0});
+  if (on_free_ && !networked_ && hand_rests()) {
+    damped.damping_n_s_per_m = std::max(spring.damping_n_s_per_m, spring.resting_damping_n_s_per_m);
+  }
   const double lag = lag_of(damped, h);
   SolverBody& proxy = solver_bodies_[0];
   proxy.velocity_m_s = (damped.stiffness_n_per_m * (damped.goal_m - proxy_.position_m) +
@@ -205,17 +203,13 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
   solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, pulled_m_s, h, shapes_, rows_.data(), touched, again);
   std::size_t rows = solved_contacts_;
   int next = 1;
-  light_kg_ = 0.0;
   on_free_ = false;
   std::array<bool, kBodies> joins{};
   std::array<bool, kMostGroups> group_joins{};
   for (std::size_t slot = 0; slot < slots_; ++slot) {
     auto* const free = bodies_[slot].as<FreeBody>();
     if (free == nullptr || !bodies_[slot].used) continue;
-    if (touched[slot]) {
-      light_kg_ = std::max(light_kg_, free->light_kg(proxy_kg_));
-      on_free_ = true;
-    }
+    on_free_ = on_free_ || touched[slot];
     joins[slot] = touched[slot] || free->goes_on(bodies_[slot].motion, bodies_[slot].given());
     if (bodies_[slot].group == 0) continue;
     group_joins[bodies_[slot].group] = group_joins[bodies_[slot].group] || joins[slot];

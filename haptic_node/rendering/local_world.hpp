@@ -127,6 +127,10 @@ class LocalWorld {
   void ease(const LocalSpring& spring, double h) noexcept;
   std::size_t gather(double h, bool again) noexcept;
   [[nodiscard]] bool hand_rests() const noexcept { return hand_m_s_.norm() < tuning_.resting_hand_m_s(); }
+  /// Lighter than the proxy in a tick, which throws it about. @param inverse_mass_per_kg 0: no force moves it.
+  [[nodiscard]] bool is_light(double inverse_mass_per_kg) const noexcept {
+    return inverse_mass_per_kg * proxy_kg_ >= 1.0;
+  }
   [[nodiscard]] Eigen::Vector3d unheld(const LocalSpring& spring, double h, Eigen::Vector3d push_n_s) const noexcept;
   void give_impulses() noexcept;
   void give(std::size_t place, std::size_t slot, const Eigen::Vector3d& impulse_n_s,
@@ -149,7 +153,6 @@ class LocalWorld {
   bool networked_ = false;      ///< The last answer came over a network.
   double world_lag_s_ = 0.0;    ///< SinceAnswer::world_lag_s of it.
   double proxy_kg_ = 0.0;       ///< In a tick: h(hK + B), as asked for.
-  double light_kg_ = 0.0;       ///< The heaviest of the light bodies that were touched in the last step.
   bool group_moves_ = false;    ///< Free bodies that push each other take part in the step.
   bool on_free_ = false;        ///< A body that forces move was touched in it.
   std::uint64_t now_ns_ = 0;    ///< The bodies are there.

@@ -154,7 +154,7 @@ void LocalWorld::find_groups(const rtbus::ProxyContacts& answer, std::size_t rig
       ++size;
       const double inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
       free = free && row < complete && answer.body_kind[row] == 2 && inverse_mass_per_kg > 0.0 &&
-             FreeBody::is_heavy(inverse_mass_per_kg, proxy_kg_);
+             !is_light(inverse_mass_per_kg);
     }
     for (std::size_t i = 0; i < supports; ++i) {
       const std::size_t row = answer.support_body[i];
@@ -280,7 +280,9 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     auto& free = body.become<FreeBody>();
     free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
     if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
-    if (hand_rests() && free.light_kg(proxy_kg_) > 0.0) body.blend = Blend::of_light_at_rest(tuning_, answer.step_s);
+    if (hand_rests() && is_light(answer.body_inverse_mass_per_kg[told.row])) {
+      body.blend = Blend::of_light_at_rest(tuning_, answer.step_s);
+    }
   }
   if (networked_ && body.as<FreeBody>() != nullptr) body.blend = body.blend.over_network(since.seconds());
   body.known = {answer.device_time_ns, told.centre_m(), then.linear_n_s};

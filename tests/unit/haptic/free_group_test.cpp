@@ -83,8 +83,8 @@ TEST_F(FreeGroup, IsAPileWhereOneOfThemIsLight) {
     out.support_holder[0] = 0;
     return out;
   };
-  EXPECT_EQ(pushed_n(*this, pair_of, 0.01), pushed_n(*this, pile, 0.01));
-  EXPECT_NE(pushed_n(*this, pair_of, 0.1), pushed_n(*this, pile, 0.1));
+  EXPECT_EQ(pushed_n(*this, pair_of, 0.5e-3), pushed_n(*this, pile, 0.5e-3));
+  EXPECT_NE(pushed_n(*this, pair_of, 5e-3), pushed_n(*this, pile, 5e-3));
 }
 
 // A body of a pile that bounces is one for an answer more. A box that stands near it goes on without it.

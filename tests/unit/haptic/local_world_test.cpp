@@ -489,30 +489,32 @@ ProxyContacts held_light(double force_n, std::uint64_t sample_ns) {
   return out;
 }
 
-// An answer has a light body 0.1 mm deeper than it was felt. Under a hand that rests that is brought in slowly.
-TEST_F(LocalWorldTest, ALightBodyUnderAHandThatRestsIsPutRightSlowly) {
-  constexpr double kDeeper_m = 0.1e-3, kDepth_m = 0.5e-3;
-  const auto put_right = [this](double hand_m_s) {
+// An answer has a body, lighter than the proxy in a tick, 0.1 mm deeper than it was felt. Under a hand that rests that
+// is brought in slowly.
+TEST(LocalWorldOfALightBody, IsPutRightSlowlyUnderAHandThatRests) {
+  constexpr double kDeeper_m = 0.1e-3, kDepth_m = 0.5e-3, kMoreDamping = 5.0;
+  const auto put_right = [](double hand_m_s) {
+    tests::HeldWorld held(kStiffness, kMoreDamping);
     const Vector3d hand_m(-kDepth_m, 0, 0), hand(0, 0, hand_m_s);
     const auto answer = [&](double x_m) {
-      ProxyContacts out = held_light(kStiffness * kDepth_m, now_ns);
+      ProxyContacts out = held_light(kStiffness * kDepth_m, held.now_ns);
       out.step_s = 5e-3;
       out.body_centre_m[0][0] += x_m;
       out.contact_point_m[0][0] += x_m;
       out.support_point_m[0][0] += x_m;
       return out;
     };
-    reset({0, 0, 0});
+    held.reset({0, 0, 0});
     for (int i = 0; i < 40; ++i) {
-      world->take(answer(0.0), now_ns);
-      for (int k = 0; k < 5; ++k) tick(hand_m, hand);
+      held.world->take(answer(0.0), held.now_ns);
+      for (int k = 0; k < 5; ++k) held.tick(hand_m, hand);
     }
-    const double before_m = world->position_m().x();
+    const double before_m = held.world->position_m().x();
     for (int i = 0; i < 2; ++i) {
-      world->take(answer(-kDeeper_m), now_ns);
-      for (int k = 0; k < 5; ++k) tick(hand_m, hand);
+      held.world->take(answer(-kDeeper_m), held.now_ns);
+      for (int k = 0; k < 5; ++k) held.tick(hand_m, hand);
     }
-    return (before_m - world->position_m().x()) / kDeeper_m;
+    return (before_m - held.world->position_m().x()) / kDeeper_m;
   };
   EXPECT_NEAR(put_right(0.0), 1.0 - std::exp(-10e-3 / haptic::Tuning{}.noise_s), 0.05);
   EXPECT_NEAR(put_right(0.02), 1.0 - std::exp(-10e-3 / haptic::Tuning{}.blend_floor_s), 0.05);
