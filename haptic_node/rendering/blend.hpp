@@ -34,7 +34,8 @@ struct Blend {
   [[nodiscard]] static Blend of_rocking(const Tuning& tuning, double step_s) noexcept {
     return {std::max(tuning.noise_s, tuning.slow_blend_periods * step_s)};
   }
-  /// A light body swings on the hand's spring faster than answers come: what they say of an instant is noise.
+  /// What is lighter than the proxy in a tick swings on the hand's spring faster than answers come: what they say of an
+  /// instant is noise.
   [[nodiscard]] static Blend of_light_at_rest(const Tuning& tuning, double step_s) noexcept {
     return {std::max(tuning.noise_s, tuning.blend_periods * step_s)};
   }

@@ -90,7 +90,7 @@ class FreeBody {
   /// Answers are late: what stands on nothing loses its forces.
   void brake() noexcept RTBUS_NONBLOCKING;
 
-  /// The scene tells its shape.
+  /// The scene tells its shape, and the answer how it is turned.
   [[nodiscard]] bool has_shape() const noexcept { return shape_ != nullptr; }
 
   /// Stands on an edge or a point, and does not roll there: what it does at an instant is noise.

@@ -131,8 +131,8 @@ LocalWorld::ToldSupports LocalWorld::read_supports(const rtbus::ProxyContacts& a
   return out;
 }
 
-/// Free bodies that push each other, and that nothing else holds that moves. Those of a group that is too large, or has
-/// a body that is too light, are a pile.
+/// Free bodies that push each other, and that nothing else holds that moves. Those of a group that is too large are a
+/// pile.
 void LocalWorld::find_groups(const rtbus::ProxyContacts& answer, std::size_t rigid_rows,
                              ToldSupports& out) const noexcept {
   const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
@@ -152,9 +152,7 @@ void LocalWorld::find_groups(const rtbus::ProxyContacts& answer, std::size_t rig
     for (std::size_t row = head; row < rigid_rows; ++row) {
       if (first[row] != head) continue;
       ++size;
-      const double inverse_mass_per_kg = answer.body_inverse_mass_per_kg[row];
-      free = free && row < complete && answer.body_kind[row] == 2 && inverse_mass_per_kg > 0.0 &&
-             !is_light(inverse_mass_per_kg);
+      free = free && row < complete && answer.body_kind[row] == 2 && answer.body_inverse_mass_per_kg[row] > 0.0;
     }
     for (std::size_t i = 0; i < supports; ++i) {
       const std::size_t row = answer.support_body[i];

@@ -71,8 +71,8 @@ TEST(FreeBox, TipsAtTheForceThatLiftsItOverItsEdge) {
                   "[0, 0.07, 0.0055]", 0.004, 0.0005, 9.5, 0.0});
 }
 
-// A light one could not tilt in the loop, and could in physics: at 18 Hz it clicked by 0.3 N, and fell onto its other
-// side.
+// A light one could not tilt in the loop, and could in physics: at 18 Hz it clicked by 0.3 N along the push, and fell
+// onto its other side.
 TEST(FreeBox, ALightOneTipsAsInTruth) {
   const Push how{kFloor +
                      ", {name: box, type: dynamic, mass_kg: 0.01, shape: {box: {size_m: [0.04, 0.08, 0.03]}}, "

@@ -69,8 +69,8 @@ TEST(FreeGroup, ABoxThatPushesAnotherSlidesUnderTheWeightOfBoth) {
   expect_slides_as_one(box("near", 0.1, 0.015, 0.0) + box("far", 0.3, 0.015, -0.0401), 0.4, "0.015");
 }
 
-// As a pile, for being lighter than twenty times the proxy in a tick, they were 0.13 N off at 18 Hz, and the second one
-// flew off by two metres.
+// As a pile, for being lighter than twenty times the proxy in a tick, they were 0.13 N off at 18 Hz, and the pushed one
+// flew off.
 TEST(FreeGroup, ALightBoxThatPushesAnotherSlidesUnderTheWeightOfBoth) {
   expect_slides_as_one(box("near", 0.01, 0.015, 0.0) + box("far", 0.01, 0.015, -0.0401), 0.02, "0.015");
 }

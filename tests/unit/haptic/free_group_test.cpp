@@ -76,17 +76,6 @@ TEST_F(FreeGroup, FeelsABodyAndWhatItPushesAsOneMass) {
   EXPECT_GT(both[15], 1.2 * alone[15]);
 }
 
-// A body that the spring throws about within a tick would throw the others.
-TEST_F(FreeGroup, IsAPileWhereOneOfThemIsLight) {
-  const auto pile = [](double kg, std::uint64_t sample_ns) {
-    ProxyContacts out = pair_of(kg, sample_ns);
-    out.support_holder[0] = 0;
-    return out;
-  };
-  EXPECT_EQ(pushed_n(*this, pair_of, 0.5e-3), pushed_n(*this, pile, 0.5e-3));
-  EXPECT_NE(pushed_n(*this, pair_of, 5e-3), pushed_n(*this, pile, 5e-3));
-}
-
 // A body of a pile that bounces is one for an answer more. A box that stands near it goes on without it.
 TEST_F(FreeGroup, GoesOnBesideOneOfAPileThatBounces) {
   using rtbus::shapes::Box;

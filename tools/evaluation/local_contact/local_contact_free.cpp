@@ -15,7 +15,7 @@ namespace tools {
 namespace {
 
 constexpr double kPushStart_s = 1.0, kFreeErrorShare = 0.02;
-/// At K = 400 N/m.
+/// Largest change of the force in 1 ms, at K = 300 to 400 N/m.
 constexpr double kChange_n = 0.1;
 
 /// The hand goes straight, at a speed, and stays at the end of its way.
@@ -87,6 +87,11 @@ std::vector<FreeCase> free_cases() {
                ", {name: box, type: dynamic, mass_kg: 0.01, shape: {box: {size_m: [0.04, 0.08, 0.03]}}, "
                "position_m: [0, 0.04, -0.015], friction: 1.5}]",
            "[0, 0.07, 0.012]", "[0, 0, -1]", 0.06, 0.03, 4.0, 400.0, 0.5, 0.02, 0.05},
+          {"light_table", "a block of 10 g pushed off a table",
+           "[{name: table, type: static, shape: {box: {size_m: [0.2, 0.1, 0.1]}}, position_m: [0, -0.05, -0.01], "
+           "friction: 0.5}, {name: block, type: dynamic, mass_kg: 0.01, shape: {box: {size_m: [0.04, 0.04, 0.03]}}, "
+           "position_m: [0, 0.02, -0.025], friction: 0.4}]",
+           "[0, 0.02, 0.002]", "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.5, 0.02, 0.05},
           {"light_row", "a box of 10 g pushed against another",
            "[" + floor +
                ", {name: near, type: dynamic, mass_kg: 0.01, shape: {box: {size_m: [0.04, 0.03, 0.04]}}, "
