@@ -278,7 +278,7 @@ Quaterniond LocalWorld::take_body(const ToldBody& told, std::size_t slot, int pa
     auto& free = body.become<FreeBody>();
     free.take(told, since, hand_m_s_.norm(), supports_, old_supports_, body.motion);
     if (free.rocks()) body.blend = Blend::of_rocking(tuning_, answer.step_s);
-    if (hand_rests() && is_light(answer.body_inverse_mass_per_kg[told.row])) {
+    if (told.complete && hand_rests() && is_light(answer.body_inverse_mass_per_kg[told.row])) {
       body.blend = Blend::of_light_at_rest(tuning_, answer.step_s);
     }
   }
