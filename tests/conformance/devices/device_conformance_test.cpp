@@ -183,8 +183,11 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
 
   void start() {
     now_ns_ = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
+    const std::uint64_t before_ns = rtbus::monotonic_ns();
     const auto started = device_->start(now_ns_);
     ASSERT_TRUE(started) << started.error().message;
+    const std::uint64_t took_ns = GetParam().stepped_clock ? 0 : rtbus::monotonic_ns() - before_ns;
+    quickest_start_ns_ = std::min(quickest_start_ns_, took_ns);
     // start() itself may do what maintain() does; the node's housekeeping begins after it.
     started_.store(true);
   }
@@ -289,6 +292,8 @@ class DeviceConformance : public ::testing::TestWithParam<Row> {
   std::unique_ptr<Device> device_;
   double mass_kg_ = 0.0;  ///< Of its tip.
   std::uint64_t now_ns_ = 0;
+  /// How long start() takes where the machine does not pause: none in a process, 0.3 s with a vendor's library.
+  std::uint64_t quickest_start_ns_ = std::numeric_limits<std::uint64_t>::max();
 
  private:
   std::atomic<bool> started_{false};
@@ -433,7 +438,7 @@ TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
   ASSERT_NO_FATAL_FAILURE(start());
   write_for(1, {std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0});
   EXPECT_EQ(device_->clamped(), 1u);
-  // A force that ends by its time-out is seen in the first 30 ms alone.
+  // A force that ends by its time-out is seen in the first 30 ms alone; the mechanics' own damping hides it later.
   constexpr double kSeenS = 0.030;
   Vector3d soon = Vector3d::Zero(), later = Vector3d::Zero();
   std::string machine;
@@ -444,11 +449,13 @@ TEST_P(DeviceConformance, StopIsIdempotentAndLeavesNoForce) {
     start();  // and it may be started again
     if (HasFailure()) return true;
     EXPECT_EQ(device_->clamped(), 0u) << "clamped() counts since start()";
-    const std::uint64_t started_ns = GetParam().stepped_clock ? now_ns_ : rtbus::monotonic_ns();
+    const std::uint64_t started_ns =
+        now_ns_ + quickest_start_ns_;  // a pause within start() counts as time of the force
     soon = coasting_velocity_m_s(20);
     const double soon_s = rtbus::seconds_between(started_ns, now_ns_);
     later = coasting_velocity_m_s(20);
-    return (soon_s <= kSeenS && !pushed_on(soon, later)) || HasFailure();
+    const double later_s = rtbus::seconds_between(started_ns, now_ns_);
+    return (soon_s <= kSeenS && later_s <= 2.0 * kSeenS && !pushed_on(soon, later)) || HasFailure();
   });
   if (judged == tests::Judged::kPaused) GTEST_SKIP() << soon.x() << " m/s, then " << later.x() << "; " << machine;
   EXPECT_FALSE(pushed_on(soon, later)) << soon.x() << " m/s, then " << later.x()
