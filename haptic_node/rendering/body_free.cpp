@@ -90,7 +90,7 @@ void FreeBody::take_supports(const ToldBody& told, const Tuning& tuning, const B
   const rtbus::ProxyContacts& answer = told.answer;
   const std::size_t old_first = first_support_, old_end = first_support_ + support_count_;
   first_support_ = supports.count;
-  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, SupportPool::kSupports); ++i) {
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, rtbus::kSupportSlots); ++i) {
     const ToldPair pair = told.pair(i);
     if (answer.support_points[i] == 0 && answer.support_holder[i] > 0) continue;  // it does not touch that
     if (pair.holder == told.row) {  // the row is the held one's, and so is the force that is not told on

@@ -33,7 +33,7 @@ class FreeBody {
     int slot = 0;                                                ///< By which the supports of the others name it.
     Eigen::Quaterniond turned = Eigen::Quaterniond::Identity();  ///< Set: its turn from the answer's instant to now.
   };
-  static constexpr std::size_t kMostTogether = 4;
+  static constexpr std::size_t kMostTogether = 6;
 
   /// Re-simulates bodies that push each other from the answer's instant to now: under their forces, on their supports,
   /// with the impulses of all hands since, as ticks would have moved them, in fewer and longer steps.

@@ -67,6 +67,7 @@ class FreeBody::Replay {
   SupportPool& supports_;
   SolverContact* rows_;
   std::size_t row_count_ = 0;
+  int sweeps_ = 0;  ///< Of bodies that push each other, in each part.
   bool any_lies_ = false;
   std::uint64_t from_ns_ = 0;
   double way_s_ = 0.0, tick_s_ = 0.0;
@@ -225,7 +226,7 @@ void FreeBody::Replay::go(std::uint64_t until_ns, bool last, double h) noexcept 
   if (row_count_ > 0) {
     const double tolerance_m_s = kTolerance_m_s * h / tick_s_;
     if (count_ > 1) {
-      relax_together(next.data(), rows_, row_count_, since().tuning.together_sweeps(), tolerance_m_s);
+      relax_together(next.data(), rows_, row_count_, sweeps_, tolerance_m_s);
     } else {
       relax_contacts(next.data(), rows_, row_count_, since().tuning.fewest_sweeps(), tolerance_m_s);
     }
@@ -251,8 +252,10 @@ bool FreeBody::Replay::run() noexcept {
     any_lies_ = any_lies_ || each.body().corners_.lies();
   }
   // Walls before the body are rows that the budget has not counted.
-  const int budget = static_cast<int>(since().tuning.row_budget) / static_cast<int>(count_ + supports);
-  const int parts = std::clamp(budget, 1, since().parts);
+  const int budget = count_ > 1 ? since().tuning.together_budget() : static_cast<int>(since().tuning.row_budget);
+  const int rows = static_cast<int>(count_ + supports);
+  const int parts = std::clamp(budget / rows, 1, since().parts);
+  sweeps_ = since().tuning.replay_sweeps(rows * parts);
   const double h = way_s_ / parts;
   tick_s_ = std::min(h, since().tick_s);
   row_count_ = 0;

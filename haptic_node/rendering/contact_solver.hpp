@@ -85,6 +85,6 @@ int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
 /// kMostRowsTogether.
 int relax_together(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                    double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
-inline constexpr std::size_t kMostRowsTogether = 56;
+inline constexpr std::size_t kMostRowsTogether = 72;
 
 }  // namespace haptic

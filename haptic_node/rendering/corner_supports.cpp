@@ -199,7 +199,7 @@ void CornerSupports::add_near_bodies(const ToldBody& body, const SinceAnswer& si
                                      std::span<FacePoints, kFaces> found) noexcept {
   if (box_ == nullptr) return;
   const rtbus::ProxyContacts& answer = body.answer;
-  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, SupportPool::kSupports); ++i) {
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, rtbus::kSupportSlots); ++i) {
     const ToldPair pair = body.pair(i);
     if (answer.support_points[i] > 0 || pair.holder == ToldPair::kNone || pair.held != body.row) continue;
     if (face_count_ >= std::min(kFaces, most_faces)) return;

@@ -115,7 +115,7 @@ std::size_t LocalWorld::slot_of(std::uint32_t index) noexcept {
 LocalWorld::ToldSupports LocalWorld::read_supports(const rtbus::ProxyContacts& answer,
                                                    std::size_t rigid_rows) const noexcept {
   ToldSupports out;
-  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, SupportPool::kSupports); ++i) {
+  for (std::size_t i = 0; i < std::min<std::size_t>(answer.supports, rtbus::kSupportSlots); ++i) {
     const std::size_t row = answer.support_body[i];
     const std::size_t holder = answer.support_holder[i];
     if (row >= rigid_rows || (holder > 0 && answer.support_points[i] == 0)) continue;  // near, and does not touch
@@ -135,7 +135,7 @@ LocalWorld::ToldSupports LocalWorld::read_supports(const rtbus::ProxyContacts& a
 /// pile.
 void LocalWorld::find_groups(const rtbus::ProxyContacts& answer, std::size_t rigid_rows,
                              ToldSupports& out) const noexcept {
-  const std::size_t supports = std::min<std::size_t>(answer.supports, SupportPool::kSupports);
+  const std::size_t supports = std::min<std::size_t>(answer.supports, rtbus::kSupportSlots);
   std::array<std::size_t, rtbus::kContactSlots> first{};  // row of each row's group
   std::iota(first.begin(), first.end(), std::size_t{0});
   for (std::size_t i = 0; i < supports; ++i) {
@@ -190,12 +190,14 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t no
     const double ticks = std::ceil(age_s / tick_s_ - 0.1);
     const double wanted =
         networked_ ? kNetworkParts : std::max(tuning_.parts, std::ceil(age_s / tuning_.longest_part_s));
-    const int budget = static_cast<int>(tuning_.row_budget) / std::max(1, rows);
-    parts = std::max(1, std::min(static_cast<int>(std::min({1e3, ticks, wanted})), budget));
+    const bool any_group =
+        std::any_of(told.group.begin(), told.group.end(), [](std::size_t group) { return group > 0; });
+    const int budget = any_group ? tuning_.together_budget() : static_cast<int>(tuning_.row_budget);
+    parts = std::max(1, std::min(static_cast<int>(std::min({1e3, ticks, wanted})), budget / std::max(1, rows)));
   }
   std::copy_n(supports_.rows.begin(), supports_.count, old_supports_.rows.begin());
   supports_.count = 0;
-  supports_.spare = SupportPool::kSupports - std::min<std::size_t>(answer.supports, SupportPool::kSupports);
+  supports_.spare = SupportPool::kSupports - std::min<std::size_t>(answer.supports, rtbus::kSupportSlots);
   for (std::size_t row = 0; row < rigid_rows; ++row) {
     slot_of_row[row] = slot_of(answer.body_index[row]);
     LocalBody& body = bodies_[slot_of_row[row]];

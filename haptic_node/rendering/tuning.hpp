@@ -2,6 +2,7 @@
 /// @file tuning.hpp
 /// The values of local_contact that were found by trying, and that its force depends on in common scenes. Constants in
 /// its code besides these bound what is rare, each with its reason beside it.
+#include <algorithm>
 #include <array>
 #include <string_view>
 
@@ -47,6 +48,12 @@ struct Tuning {
   [[nodiscard]] constexpr int most_sweeps() const noexcept { return static_cast<int>(sweeps); }
   /// Of bodies that push each other.
   [[nodiscard]] constexpr int together_sweeps() const noexcept { return 2 * most_sweeps(); }
+  /// Of such bodies rows times parts, at most; and sweeps of each part, as many as the same time allows. A row of six
+  /// needs short parts, in which friction is found where it moves on; a stack of three needs the sweeps.
+  [[nodiscard]] constexpr int together_budget() const noexcept { return 2 * static_cast<int>(row_budget); }
+  [[nodiscard]] constexpr int replay_sweeps(int rows_times_parts) const noexcept {
+    return std::clamp(most_sweeps() * together_budget() / rows_times_parts, most_sweeps(), together_sweeps());
+  }
   [[nodiscard]] constexpr int fewest_sweeps() const noexcept { return static_cast<int>(sweeps) / 3; }
 };
 

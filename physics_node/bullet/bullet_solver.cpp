@@ -100,13 +100,44 @@ void BulletSolver::find_piles(btPersistentManifold** manifolds, int count) {
     least[into] = std::min(least[into], least[from]);
     most[into] = std::max(most[into], most[from]);
   }
+  find_far_from_ground(manifolds, count);
+  std::vector<bool> far(bodies, false);
+  for (std::size_t i = 0; i < bodies; ++i) {
+    if (far_from_ground_[i]) far[group_of(static_cast<int>(i))] = true;
+  }
   in_pile_.resize(bodies);
   for (std::size_t i = 0; i < bodies; ++i) {
     const std::size_t group = group_of(static_cast<int>(i));
-    in_pile_[i] = size[group] > kMostTogether || most[group] > kMostMassRatio * least[group];
+    in_pile_[i] = size[group] > kMostTogether || (far[group] && size[group] > kMostOnEachOther) ||
+                  most[group] > kMostMassRatio * least[group];
     btRigidBody* const body = m_tmpSolverBodyPool[static_cast<int>(i)].m_originalBody;
     if (body != nullptr) set_in_pile(*body, in_pile_[i]);
   }
+}
+
+/// Those that what stands holds through kMostOnEachOther bodies or more, and those that nothing holds.
+void BulletSolver::find_far_from_ground(btPersistentManifold** manifolds, int count) {
+  far_from_ground_.assign(static_cast<std::size_t>(m_tmpSolverBodyPool.size()), true);
+  std::vector<int> reached;
+  for (std::size_t on_each_other = 0; on_each_other < kMostOnEachOther; ++on_each_other) {
+    reached.clear();
+    for (int i = 0; i < count; ++i) {
+      if (manifolds[i]->getNumContacts() == 0) continue;
+      const btCollisionObject &a = *manifolds[i]->getBody0(), &b = *manifolds[i]->getBody1();
+      if (holds_up(a, on_each_other)) reached.push_back(b.getCompanionId());
+      if (holds_up(b, on_each_other)) reached.push_back(a.getCompanionId());
+    }
+    for (const int body : reached) {
+      if (body >= 0) far_from_ground_[static_cast<std::size_t>(body)] = false;
+    }
+  }
+}
+
+/// The ground alone at first, then what it holds as well.
+bool BulletSolver::holds_up(const btCollisionObject& body, std::size_t on_each_other) const {
+  if (stands(body)) return true;
+  const int id = body.getCompanionId();
+  return on_each_other > 0 && is_body(body) && id >= 0 && !far_from_ground_[static_cast<std::size_t>(id)];
 }
 
 std::size_t BulletSolver::group_of(int body) {

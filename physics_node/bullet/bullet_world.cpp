@@ -234,10 +234,14 @@ void BulletWorld::drive_tool(std::size_t index, const ProxyTarget& target) {
   tool->set_target(driven);
 }
 
+/// So few as are told together push as free bodies do.
 void BulletWorld::find_light_bodies(double below_kg) {
+  const auto is_light = [below_kg](const SceneBody& body) {
+    return static_cast<double>(body.rigid->getInvMass()) * below_kg > 1.0;
+  };
+  if (std::count_if(bodies_.begin(), bodies_.end(), is_light) <= static_cast<std::ptrdiff_t>(kMostTogether)) return;
   for (SceneBody& body : bodies_) {
-    const auto inverse = static_cast<double>(body.rigid->getInvMass());
-    if (body.light || inverse * below_kg <= 1.0) continue;
+    if (body.light || !is_light(body)) continue;
     body.light = any_light_ = true;
     leave_to_bullet(*body.rigid);
     btBroadphaseProxy& handle = *body.rigid->getBroadphaseHandle();

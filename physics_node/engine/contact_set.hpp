@@ -102,7 +102,7 @@ inline constexpr std::size_t kMaxSupports = 32;
 /// where two of them touch is one support, of either, with the other as its holder. More of them are a pile, and so are
 /// those of which one is more than so many times as heavy as another: an engine does not find the forces among these
 /// within a step, and they rattle.
-inline constexpr std::size_t kMostTogether = 3;
+inline constexpr std::size_t kMostTogether = 6;
 inline constexpr double kMostMassRatio = 10.0;
 /// Boxes that are so near to each other are told together as if they touched, by a support of no points.
 inline constexpr double kNearTogether_m = 10e-3;

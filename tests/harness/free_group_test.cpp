@@ -1,4 +1,4 @@
-/// Two or three free boxes that push each other, under a hand (simulated clock): against Coulomb's law, and the same
+/// Up to six free boxes that push each other, under a hand (simulated clock): against Coulomb's law, and the same
 /// method at 10 kHz on both sides.
 #include <gtest/gtest.h>
 
@@ -73,6 +73,13 @@ TEST(FreeGroup, ABoxThatPushesAnotherSlidesUnderTheWeightOfBoth) {
 // flew off.
 TEST(FreeGroup, ALightBoxThatPushesAnotherSlidesUnderTheWeightOfBoth) {
   expect_slides_as_one(box("near", 0.01, 0.015, 0.0) + box("far", 0.01, 0.015, -0.0401), 0.02, "0.015");
+}
+
+// As a pile they were 1.4 N off at 18 Hz, where remote coupling is 1.1 N off.
+TEST(FreeGroup, ARowOfFiveSlidesUnderTheWeightOfAll) {
+  std::string row;
+  for (int i = 0; i < 5; ++i) row += box("box" + std::to_string(i), 0.1, 0.015, -0.0401 * i);
+  expect_slides_as_one(row, 0.5, "0.015");
 }
 
 }  // namespace

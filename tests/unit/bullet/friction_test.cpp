@@ -63,32 +63,53 @@ TEST(BulletFriction, LetsItSlideAboveTheBoundAsFastAsCoulombSays) {
   }
 }
 
-// A box that carries one of its own weight is held by the friction of both. With Bullet's own it crept by millimetres.
-TEST(BulletFriction, HoldsABoxThatCarriesAnother) {
-  rtbus::config::Scene scene = tests::floor_scene();
-  for (const double y_m : {0.02, 0.06}) {
-    scene.bodies.push_back(tests::body("box" + std::to_string(scene.bodies.size()),
-                                       rtbus::shapes::Box{Vector3d::Constant(0.02)}, {0, y_m, 0}, kBlockKg));
+/// Boxes of kBlockKg, the first one pushed or another, at 8 mm above its centre.
+struct PushedBoxes {
+  std::unique_ptr<physics::World> world;
+  std::size_t proxy = 0;
+
+  explicit PushedBoxes(const std::vector<Vector3d>& places_m) {
+    rtbus::config::Scene scene = tests::floor_scene();
+    for (const Vector3d& place_m : places_m) {
+      scene.bodies.push_back(tests::body("box" + std::to_string(scene.bodies.size()),
+                                         rtbus::shapes::Box{Vector3d::Constant(0.02)}, place_m, kBlockKg));
+    }
+    for (rtbus::config::Body& each : scene.bodies) each.friction = std::sqrt(kPairFriction);
+    world = tests::bullet(scene);
+    proxy = world->add_proxy({"haptic0", 0.1, 0.005, 0.0, {0, 0.4, 0}});
+    world->place_proxy(proxy, {0, 0.4, 0}, Vector3d::Zero());
+    push(1, Vector3d::Zero(), 0.2);
   }
-  for (rtbus::config::Body& each : scene.bodies) each.friction = std::sqrt(kPairFriction);
-  const auto world = tests::bullet(scene);
-  const std::size_t proxy = world->add_proxy({"haptic0", 0.1, 0.005, 0.0, {0, 0.2, 0}});
-  world->place_proxy(proxy, {0, 0.2, 0}, Vector3d::Zero());
-  const auto push = [&](std::size_t body, double bounds, double seconds) {
-    const Vector3d force_n = bounds * kBoundN * Vector3d(1, 0, 1).normalized();
+
+  Vector3d push(std::size_t body, const Vector3d& force_n, double seconds) const {
     for (int i = 0; i < std::lround(seconds / kPartS); ++i) {
       world->apply_hand_force(proxy, body, force_n, Vector3d(0, 0.008, 0).cross(force_n));
       world->step(kPartS);
     }
     return world->body_pose(body).position_m;
-  };
-  push(1, 0.0, 0.2);
-  for (const auto& [body, bounds] : {std::pair{1U, 1.6}, std::pair{2U, 0.8}}) {  // both of them, the upper one alone
-    const Vector3d before = push(body, bounds, 0.5);
-    const double crept_m = (push(body, bounds, 4.0) - before).norm();
-    std::printf("body %u crept by %.2f um\n", body, 1e6 * crept_m);
-    EXPECT_LE(crept_m, 100e-6) << body;
   }
+  /// In four seconds.
+  [[nodiscard]] double creeps_m(std::size_t body, const Vector3d& force_n) const {
+    const Vector3d before = push(body, force_n, 0.5);
+    const double crept_m = (push(body, force_n, 4.0) - before).norm();
+    std::printf("body %zu crept by %.2f um\n", body, 1e6 * crept_m);
+    return crept_m;
+  }
+};
+
+// A box that carries one of its own weight is held by the friction of both. With Bullet's own it crept by millimetres.
+TEST(BulletFriction, HoldsABoxThatCarriesAnother) {
+  const PushedBoxes boxes({{0, 0.02, 0}, {0, 0.06, 0}});
+  const Vector3d bound_n = kBoundN * Vector3d(1, 0, 1).normalized();
+  EXPECT_LE(boxes.creeps_m(1, 1.6 * bound_n), 100e-6) << "both of them";
+  EXPECT_LE(boxes.creeps_m(2, 0.8 * bound_n), 100e-6) << "the upper one alone";
+}
+
+// A pyramid of six: three on the floor, and none on more than two others.
+TEST(BulletFriction, HoldsAPyramidOfSix) {
+  const PushedBoxes boxes(
+      {{0, 0.02, 0}, {0, 0.02, -0.041}, {0, 0.02, -0.082}, {0, 0.06, -0.0205}, {0, 0.06, -0.0615}, {0, 0.1, -0.041}});
+  EXPECT_LE(boxes.creeps_m(6, 0.8 * kBoundN * Vector3d(1, 0, 1).normalized()), 100e-6);
 }
 
 }  // namespace

@@ -155,16 +155,16 @@ TEST(ContactSolver, ABlockThatStandsTakesOneSweepInATick) {
   EXPECT_LT(stands.body.velocity_m_s.norm(), 2.0 * haptic::kTolerance_m_s);
 }
 
-/// Three blocks on each other, on four corners each; the one in the middle is pushed aside, and all begin from nothing.
-struct StackOfThree {
-  static constexpr std::size_t kBlocks = 3, kCorners = 4 * kBlocks;
+/// Blocks on each other, on four corners each, which begin from nothing.
+template <std::size_t kBlocks>
+struct Stack {
+  static constexpr std::size_t kCorners = 4 * kBlocks;
   std::array<SolverBody, kBlocks> bodies;
   std::array<SolverContact, kCorners> corners;
 
-  StackOfThree() {
+  Stack() {
+    fall();
     for (std::size_t k = 0; k < kBlocks; ++k) {
-      bodies[k] = block({k == 1 ? 0.02 : 0.0, 0, 0});
-      bodies[k].inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Identity() / 2e-5;
       for (std::size_t i = 0; i < 4; ++i) {
         SolverContact& corner = corners[4 * k + i];
         corner = floor_of(0.3);
@@ -177,8 +177,18 @@ struct StackOfThree {
     }
     haptic::prepare_contacts(bodies.data(), corners.data(), kCorners);
   }
+  /// All stood, and a step of gravity has passed.
+  void fall() {
+    for (SolverBody& body : bodies) {
+      body = block(Vector3d::Zero());
+      body.inverse_inertia_per_kg_m2 = Eigen::Matrix3d::Identity() / 2e-5;
+    }
+  }
+  /// By sweeps alone. @returns whether they have come to an end.
+  bool sweep(int most) { return haptic::relax_contacts(bodies.data(), corners.data(), kCorners, most, 1e-14) < most; }
+  void solve_together(int sweeps) { haptic::relax_together(bodies.data(), corners.data(), kCorners, sweeps, 1e-12); }
   /// The largest velocity by which a block differs.
-  [[nodiscard]] double off_m_s(const StackOfThree& other) const {
+  [[nodiscard]] double off_m_s(const Stack& other) const {
     double worst = 0.0;
     for (std::size_t k = 0; k < kBlocks; ++k) {
       worst = std::max({worst, (bodies[k].velocity_m_s - other.bodies[k].velocity_m_s).norm(),
@@ -188,17 +198,37 @@ struct StackOfThree {
   }
 };
 
-// One sweep after the other brings a stack to rest slowly.
+// One sweep after the other brings a stack to rest slowly. The block in the middle slides.
 TEST(ContactSolver, GoesOnAlongItsWaysWhereBodiesPushEachOther) {
   constexpr int kSweeps = 24;
-  StackOfThree exact, plain, together;
-  haptic::relax_contacts(exact.bodies.data(), exact.corners.data(), StackOfThree::kCorners, 100'000, 1e-14);
-  haptic::relax_contacts(plain.bodies.data(), plain.corners.data(), StackOfThree::kCorners, kSweeps, 1e-12);
-  haptic::relax_together(together.bodies.data(), together.corners.data(), StackOfThree::kCorners, kSweeps, 1e-12);
+  Stack<3> exact;
+  exact.bodies[1].velocity_m_s.x() = 0.02;
+  Stack<3> plain = exact, together = exact;
+  EXPECT_TRUE(exact.sweep(100'000));
+  plain.sweep(kSweeps);
+  together.solve_together(kSweeps);
   std::printf("off the solution after %d sweeps: %.2e m/s, along their ways %.2e m/s\n", kSweeps, plain.off_m_s(exact),
               together.off_m_s(exact));
   EXPECT_LT(together.off_m_s(exact), 0.1 * plain.off_m_s(exact));
   EXPECT_LT(together.off_m_s(exact), 1e-4);
+}
+
+// A stack of five that stands is pushed at its top, below what tips it or lets it slide: one linear problem has that.
+TEST(ContactSolver, SolvesAtOnceWhatSticks) {
+  constexpr int kSweeps = 12;
+  constexpr double kPush_m_s = 1e-3;  // 0.1 N for a millisecond
+  Stack<5> exact;
+  EXPECT_TRUE(exact.sweep(1'000'000));
+  exact.fall();
+  exact.bodies.back().velocity_m_s.x() = kPush_m_s;
+  Stack<5> plain = exact, together = exact;
+  EXPECT_TRUE(exact.sweep(1'000'000));
+  plain.sweep(kSweeps);
+  together.solve_together(kSweeps);
+  std::printf("off the solution after %d sweeps: %.2e m/s, at once %.2e m/s\n", kSweeps, plain.off_m_s(exact),
+              together.off_m_s(exact));
+  EXPECT_LT(exact.bodies.back().velocity_m_s.norm(), 0.01 * kPush_m_s) << "it stands";
+  EXPECT_LT(together.off_m_s(exact), 0.2 * plain.off_m_s(exact));
 }
 
 // Friction acts against the slip of each of its points: the faster a patch slides, the less of that is for its spin.

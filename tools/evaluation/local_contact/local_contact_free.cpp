@@ -31,14 +31,27 @@ struct FreeCase {
   bool pile = false;       ///< A limit of the method (docs/local-contact.md): it is shown, and has no bars.
 };
 
-/// Boxes of 0.1 kg, each 0.1 mm before the next one.
-std::string row_of(int boxes) {
+/// A box of 40 x 30 x 40 mm.
+std::string box_at(int number, double y_m, double z_m, double mass_kg) {
+  return formatted(
+      ", {name: box%d, type: dynamic, mass_kg: %g, shape: {box: {size_m: [0.04, 0.03, 0.04]}}, "
+      "position_m: [0, %g, %g], friction: 0.7}",
+      number, mass_kg, y_m, z_m);
+}
+
+/// Each 0.1 mm before the next one.
+std::string row_of(int boxes, double mass_kg) {
   std::string out;
-  for (int i = 0; i < boxes; ++i) {
-    out += formatted(
-        ", {name: box%d, type: dynamic, mass_kg: 0.1, shape: {box: {size_m: [0.04, 0.03, 0.04]}}, "
-        "position_m: [0, 0.015, %g], friction: 0.7}",
-        i, -0.0401 * i);
+  for (int i = 0; i < boxes; ++i) out += box_at(i, 0.015, -0.0401 * i, mass_kg);
+  return out;
+}
+
+/// Three on the floor, two on these, one on top.
+std::string pyramid(double mass_kg) {
+  std::string out;
+  for (int level = 0; level < 3; ++level) {
+    for (int i = 0; i < 3 - level; ++i)
+      out += box_at(3 * level + i, 0.015 + 0.03 * level, -0.041 * i - 0.0205 * level, mass_kg);
   }
   return out;
 }
@@ -111,7 +124,13 @@ std::vector<FreeCase> free_cases() {
                "position_m: [0, 0.015, 0], friction: 0.7}, {name: far, type: dynamic, mass_kg: 0.01, "
                "shape: {box: {size_m: [0.04, 0.03, 0.04]}}, position_m: [0, 0.015, -0.055], friction: 0.7}]",
            "[0, 0.015, 0.03]", "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0, 0.02, 0.05},
-          {"pile", "a row of five boxes pushed: a pile", "[" + floor + row_of(5) + "]", "[0, 0.015, 0.03]",
+          {"very_light_row", "a box of 1 g pushed against another, K = 1480 N/m", "[" + floor + row_of(2, 0.001) + "]",
+           "[0, 0.015, 0.03]", "[0, 0, -1]", 0.06, 0.03, 3.5, 1480.0, 0.0, 0.02, 0.015},
+          {"row", "a row of five boxes pushed", "[" + floor + row_of(5, 0.1) + "]", "[0, 0.015, 0.03]", "[0, 0, -1]",
+           0.06, 0.03, 3.5, 400.0, 0.0},
+          {"pyramid", "a pyramid of six boxes pushed at its foot", "[" + floor + pyramid(0.1) + "]", "[0, 0.015, 0.03]",
+           "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
+          {"pile", "a row of eight boxes pushed: a pile", "[" + floor + row_of(8, 0.1) + "]", "[0, 0.015, 0.03]",
            "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0, 0.02, 0.15, true}};
 }
 
