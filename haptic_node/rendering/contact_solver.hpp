@@ -81,10 +81,10 @@ int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
 
 /// relax_contacts() for bodies that push each other, where one sweep after the other gets nowhere: each goes on along
 /// the ways of those before (M. Silcowitz-Hansen, S. Niebe, K. Erleben, "A nonsmooth nonlinear conjugate gradient
-/// method for interactive contact force problems", The Visual Computer 26, 2010). @param count At most
-/// kMostRowsTogether.
+/// method for interactive contact force problems", The Visual Computer 26, 2010). Where all stick, one linear problem
+/// helps (contact_subspace.hpp). @param count At most kMostRowsTogether.
 int relax_together(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                    double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
-inline constexpr std::size_t kMostRowsTogether = 72;
+inline constexpr std::size_t kMostRowsTogether = 84;
 
 }  // namespace haptic

@@ -26,6 +26,8 @@ constexpr double kGives = 1e-3;
 constexpr double kSlides = 0.999;
 /// In place of a mass or an inertia that is infinite.
 constexpr double kHeavy = 1e6;
+/// A body on a patch turns about one axis alone. About the others its inertia is so many times as large.
+constexpr double kRigid = 1e6;
 
 /// A contact that sticks.
 struct Stuck {
@@ -46,9 +48,9 @@ Jacobian jacobian(const SolverContact& contact, Vector3d Direction::*arm) noexce
   return out;
 }
 
-/// @returns false: it slides, or gives way at a bounded speed.
+/// @returns false: it slides, gives way at a bounded speed, or is held by what another row presses.
 bool sticks(const SolverBody* bodies, SolverContact& contact, Stuck& out) noexcept {
-  if (advance_impulse(contact) > 0.0) return false;
+  if (contact.normal_n_s <= 0.0 || advance_impulse(contact) > 0.0) return false;
   const bool patch = contact.inertia_torsion_kg_m2 > 0.0;
   const double cone_n_s = kSlides * contact.friction * (contact.normal_n_s + contact.held_n_s);
   const double spun_n_s = patch ? contact.torsion_n_m_s / contact.torsion_radius_m : 0.0;
@@ -83,8 +85,9 @@ void begin_masses(const SolverBody* bodies, int count, Matrix& A) noexcept {
     const double inverse_mass_per_kg = body.inverse_mass_per_kg;
     A.diagonal().segment<3>(6 * k).setConstant(inverse_mass_per_kg > 0.0 ? 1.0 / inverse_mass_per_kg : kHeavy);
     auto turns = A.block<3, 3>(6 * k + 3, 6 * k + 3);
-    if (body.inverse_inertia_per_kg_m2.trace() > 0.0) {
-      turns = body.inverse_inertia_per_kg_m2.inverse();
+    const double turns_by = body.inverse_inertia_per_kg_m2.trace();
+    if (turns_by > 0.0) {
+      turns = (body.inverse_inertia_per_kg_m2 + turns_by / kRigid * Eigen::Matrix3d::Identity()).inverse();
     } else {
       turns.diagonal().setConstant(kHeavy);
     }
@@ -146,7 +149,8 @@ bool solve_what_sticks(SolverBody* bodies, SolverContact* contacts, std::size_t 
   int body_count = 0;
   for (std::size_t i = 0; i < std::min(count, kMostRowsTogether); ++i) {
     SolverContact& contact = contacts[i];
-    if (contact.inverse_mass_normal_per_kg <= 0.0 || contact.normal_n_s <= 0.0) continue;
+    if (contact.inverse_mass_normal_per_kg <= 0.0) continue;
+    if (contact.normal_n_s <= 0.0 && contact.held_n_s <= 0.0) continue;
     body_count = std::max({body_count, contact.a + 1, contact.b + 1});
     if (body_count > kMostInSubspace || !sticks(bodies, contact, stuck[stuck_count])) return false;
     ++stuck_count;

@@ -29,7 +29,8 @@ struct Support {
 
 /// The supports of all free bodies, those of one body in a row.
 struct SupportPool {
-  static constexpr std::size_t kSupports = 48;  ///< Corners of six boxes in a row: 4·6 on the floor, 4·5 between them.
+  /// A row of six boxes has 4·6 corners on the floor and 4·5 between them; others have walls and boxes before them too.
+  static constexpr std::size_t kSupports = 64;
   static_assert(kSupports >= rtbus::kSupportSlots);
   std::array<Support, kSupports> rows{};
   std::size_t count = 0;

@@ -128,7 +128,9 @@ void BulletSolver::find_far_from_ground(btPersistentManifold** manifolds, int co
       if (holds_up(b, on_each_other)) reached.push_back(a.getCompanionId());
     }
     for (const int body : reached) {
-      if (body >= 0) far_from_ground_[static_cast<std::size_t>(body)] = false;
+      if (body >= 0 && static_cast<std::size_t>(body) < far_from_ground_.size()) {
+        far_from_ground_[static_cast<std::size_t>(body)] = false;
+      }
     }
   }
 }
@@ -137,7 +139,8 @@ void BulletSolver::find_far_from_ground(btPersistentManifold** manifolds, int co
 bool BulletSolver::holds_up(const btCollisionObject& body, std::size_t on_each_other) const {
   if (stands(body)) return true;
   const int id = body.getCompanionId();
-  return on_each_other > 0 && is_body(body) && id >= 0 && !far_from_ground_[static_cast<std::size_t>(id)];
+  return on_each_other > 0 && is_body(body) && id >= 0 && static_cast<std::size_t>(id) < far_from_ground_.size() &&
+         !far_from_ground_[static_cast<std::size_t>(id)];
 }
 
 std::size_t BulletSolver::group_of(int body) {

@@ -15,7 +15,7 @@ namespace physics::bullet {
 ///
 /// Friction. Bullet gives a contact point one row of friction, along the slip of the step before, and starts it from
 /// zero. A block that a hand pushed below the bound crept, because the slip of a block at rest is noise: the row stood
-/// across the push. Here a point between bodies that touch few others (kMostTogether) has two fixed directions,
+/// across the push. Here a point between bodies of a small group (kMostTogether) has two fixed directions,
 /// its impulse begins with that of the last step, and both parts together stay within the friction cone.
 /// One step length for both directions keeps the impulse of a point that slides opposite to its slip (projected
 /// Gauss-Seidel on a disc; M. Jean, "The non-smooth contact dynamics method", CMAME 177, 1999). All normal impulses of

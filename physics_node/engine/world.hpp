@@ -66,7 +66,8 @@ struct BodyTarget {
   Eigen::Vector3d angular_velocity_rad_s = Eigen::Vector3d::Zero();
 };
 
-/// A body of less than once that moves by more than the hand in a tick: no loop at that rate can simulate it.
+/// In K·tick²: a lighter body than 1 goes farther in a tick than the hand that pushes it. Where a scene has more than
+/// kMostTogether bodies below this, they yield (drive_tool): the loop cannot simulate a bed of them.
 inline constexpr double kLightest = 2.0;
 
 /// A simulated world. Made by an engine's factory from a checked scene.
@@ -89,8 +90,8 @@ class World {
   virtual void place_proxy(std::size_t proxy, const Eigen::Vector3d& position_m,
                            const Eigen::Vector3d& velocity_m_s) = 0;
 
-  /// In the next step such a tool takes room among what yields to it: soft bodies, and bodies that are too light for
-  /// impulses, whose mass is below kLightest·K·tick². Of these contacts() says nothing. It has no mass there: `target`
+  /// In the next step such a tool takes room among what yields to it: soft bodies, and, where a scene has many of them,
+  /// bodies whose mass is below kLightest·K·tick². Of these contacts() says nothing. It has no mass there: `target`
   /// pulls it to where it is placed, and pushes with what the hand felt of them. Its ProxyReadout tells the forces of
   /// that. Without effect where nothing yields.
   virtual void drive_tool(std::size_t proxy, const ProxyTarget& target);

@@ -72,7 +72,7 @@ void nearest(Input body) {
   const auto taken = link_dds::unpack_answer(body);
   if (counts.size() < 2 || !taken || !taken->contacts || !is_sane(*taken->contacts)) return;
   rtbus::ProxyContacts part = *taken->contacts;
-  (void)link_dds::keep_nearest(part, counts[0], counts[1]);
+  (void)link_dds::keep_nearest(part, counts[0], counts[1], counts[0] % 2 == 0);
   require(is_sane(part) && part.contacts <= counts[0]);
 }
 

@@ -80,7 +80,8 @@ bool unpack_words(std::span<const std::uint8_t>& in, std::span<std::uint64_t> wo
   return true;
 }
 
-LeftOut keep_nearest(rtbus::ProxyContacts& message, std::size_t contacts, std::size_t supports_per_body) {
+LeftOut keep_nearest(rtbus::ProxyContacts& message, std::size_t contacts, std::size_t supports_per_body,
+                     bool companions) {
   LeftOut left;
   const std::size_t had = std::min<std::size_t>(message.contacts, rtbus::kContactSlots);
   const std::size_t had_bodies = std::min<std::size_t>(message.bodies, rtbus::kContactSlots);
@@ -94,6 +95,17 @@ LeftOut keep_nearest(rtbus::ProxyContacts& message, std::size_t contacts, std::s
   std::array<bool, rtbus::kContactSlots> needed{};
   for (std::size_t i = 0; i < kept; ++i) {
     if (message.contact_body[i] < had_bodies) needed[message.contact_body[i]] = true;
+  }
+  const auto holder_of = [&](std::size_t i) { return std::size_t{message.support_holder[i]} - 1; };
+  const auto is_pair = [&](std::size_t i) {
+    return message.support_body[i] < had_bodies && message.support_holder[i] > 0 && holder_of(i) < had_bodies;
+  };
+  for (std::size_t reached = 0; companions && reached < had_bodies; ++reached) {
+    for (std::size_t i = 0; i < had_supports; ++i) {
+      if (!is_pair(i)) continue;
+      bool &held = needed[message.support_body[i]], &holder = needed[holder_of(i)];
+      held = holder = held || holder;
+    }
   }
   row.fill(kGone);
   std::size_t bodies = 0;
@@ -116,7 +128,10 @@ LeftOut keep_nearest(rtbus::ProxyContacts& message, std::size_t contacts, std::s
       ++left.supports;
       continue;
     }
+    const bool together = is_pair(i) && row[holder_of(i)] != kGone;
+    const std::size_t holder = together ? row[holder_of(i)] + 1 : 0;
     move_row(message, kSupportTable, i, supports);
+    message.support_holder[supports] = static_cast<std::uint32_t>(holder);
     message.support_body[supports++] = static_cast<std::uint32_t>(row[body]);
   }
 
@@ -139,17 +154,21 @@ LeftOut pack_answer(const Answer& answer, Bytes& out, std::size_t most) {
   if (answer.proxy) pack(*answer.proxy, out);
   if (!answer.contacts) return {};
   const std::size_t head = out.size();
-  // A body stands on four supports as well as on thirty: they go first, then the contacts that are far away.
+  // A body stands on four supports as well as on thirty: they go first, then the contacts that are far away. What is
+  // told together stays together, or it would be a pile; if not even one contact fits so, it is told as one.
   constexpr std::size_t kEnoughSupports = 4;
   const std::size_t all = std::min<std::size_t>(answer.contacts->contacts, rtbus::kContactSlots);
   LeftOut left;
-  for (std::size_t contacts = all + 1; contacts-- > 0;) {
-    for (std::size_t supports = rtbus::kSupportSlots; supports >= kEnoughSupports; supports /= 2) {
-      rtbus::ProxyContacts part = *answer.contacts;
-      left = keep_nearest(part, contacts, supports);
-      out.resize(head);
-      pack(part, out);
-      if (out.size() <= most) return left;
+  for (const bool companions : {true, false}) {
+    const std::size_t fewest = companions ? 1 : 0;
+    for (std::size_t contacts = all + 1; contacts-- > fewest;) {
+      for (std::size_t supports = rtbus::kSupportSlots; supports >= kEnoughSupports; supports /= 2) {
+        rtbus::ProxyContacts part = *answer.contacts;
+        left = keep_nearest(part, contacts, supports, companions);
+        out.resize(head);
+        pack(part, out);
+        if (out.size() <= most) return left;
+      }
     }
   }
   out.resize(head);  // not even an empty one

@@ -58,8 +58,9 @@ LeftOut pack_answer(const Answer& answer, Bytes& out, std::size_t most = kMostBo
 [[nodiscard]] std::optional<Answer> unpack_answer(std::span<const std::uint8_t> in);
 
 /// Keeps the first `contacts` contacts and the bodies and supports that they need, of each body at most
-/// `supports_per_body`.
-[[nodiscard]] LeftOut keep_nearest(rtbus::ProxyContacts& message, std::size_t contacts, std::size_t supports_per_body);
+/// `supports_per_body`. @param companions Also the bodies that are told together with these, and what holds them.
+[[nodiscard]] LeftOut keep_nearest(rtbus::ProxyContacts& message, std::size_t contacts, std::size_t supports_per_body,
+                                   bool companions);
 
 /// From a hand.
 [[nodiscard]] Bytes pack_hand(const rtbus::DeviceState& state, std::uint64_t device_sequence);

@@ -252,6 +252,23 @@ TEST(SoftContacts, ALightBodyThatMovesIsRestAndAHeavyOneIsNot) {
   EXPECT_EQ(rest(0.02), 0.0);
 }
 
+// So few as are told together are free bodies, however light.
+TEST(SoftContacts, AFewLightBodiesDoNotYield) {
+  for (const std::size_t bodies : {physics::kMostTogether, physics::kMostTogether + 1}) {
+    Scene scene;
+    scene.file = "test.yaml";
+    for (std::size_t i = 0; i < bodies; ++i) {
+      scene.bodies.push_back(body("chaff" + std::to_string(i), rtbus::shapes::Box{Vector3d::Constant(0.01)},
+                                  Vector3d(0, 0, 0.1 * static_cast<double>(i)), 20e-6));
+    }
+    const auto world = with_placed_tool(scene, Vector3d(0, 0.02, 0), 1e-3);
+    press(*world, Vector3d(0, 0.02, 0), 0.01);
+    physics::ToolReaction reaction;
+    world->tool_reaction(0, 1.0, 0.02, Vector3d::Zero(), reaction);
+    EXPECT_EQ(reaction.count > 0, bodies > physics::kMostTogether) << bodies;
+  }
+}
+
 TEST(SoftContacts, ABodyThatMovesByItselfIsNoRestEvenWhereItTurnsInItsPlace) {
   const auto rest = [](const rtbus::config::BodyMotion& motion) {
     Scene scene = soft_ball(true);

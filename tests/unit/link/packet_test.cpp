@@ -115,6 +115,64 @@ TEST(LinkPacket, OfAPileTheNearestFitIntoOneDatagramAndTheRestIsCounted) {
   }
 }
 
+/// Of `bodies`, each holds the next one; the proxy touches body `touched`.
+rtbus::ProxyContacts row_of(std::uint32_t bodies, std::uint32_t touched) {
+  rtbus::ProxyContacts out = pile(bodies, 1);
+  (void)keep_nearest(out, 1, 1, false);  // its contact
+  const rtbus::ProxyContacts one = out;
+  out = pile(bodies, 1);
+  out.contacts = 1;
+  out.contact_point_m = one.contact_point_m;
+  out.contact_normal = one.contact_normal;
+  out.contact_gap_m = one.contact_gap_m;
+  out.contact_velocity_m_s = one.contact_velocity_m_s;
+  out.contact_friction = one.contact_friction;
+  out.contact_inverse_mass_per_kg = one.contact_inverse_mass_per_kg;
+  out.contact_body = {touched};
+  for (std::uint32_t i = 1; i < bodies; ++i) {
+    const std::uint32_t pair = out.supports++;
+    out.support_body[pair] = i - 1;
+    out.support_holder[pair] = i + 1;
+    out.support_inverse_mass_per_kg[pair] = 1.0 + i;  // as the row of what holds
+    out.support_point_m[pair] = {static_cast<double>(i), 0.0, 0.0};
+    out.support_normal[pair] = {0.0, 0.0, 1.0};
+  }
+  return out;
+}
+
+// Bodies that are told together go together, whichever of them is touched: each alone would be a pile, and a support
+// without its holder makes no sense.
+TEST(LinkPacket, BodiesThatAreToldTogetherStayTogether) {
+  for (const std::uint32_t bodies : {2u, 6u}) {
+    for (std::uint32_t touched = 0; touched < bodies; ++touched) {
+      const rtbus::ProxyContacts whole = row_of(bodies, touched);
+      Bytes bytes;
+      EXPECT_EQ(pack_answer(answer_with(whole), bytes, 4 * kMostBody_bytes).supports, 0u);
+      const auto out = unpack_answer(bytes);
+      ASSERT_TRUE(out && out->contacts);
+      EXPECT_TRUE(same_bytes(*out->contacts, whole)) << touched;
+    }
+  }
+}
+
+// Where they do not fit, the touched one is told alone, on what gives way.
+TEST(LinkPacket, ARowThatDoesNotFitIsAPile) {
+  for (std::uint32_t touched = 0; touched < 6; ++touched) {
+    const rtbus::ProxyContacts whole = row_of(6, touched);
+    Bytes bytes;
+    (void)pack_answer(answer_with(whole), bytes);
+    EXPECT_LE(bytes.size(), kMostBody_bytes);
+    const auto out = unpack_answer(bytes);
+    ASSERT_TRUE(out && out->contacts);
+    const rtbus::ProxyContacts& part = *out->contacts;
+    ASSERT_TRUE(rtbus::SampleTraits<rtbus::ProxyContacts>::sane(part, 1));
+    ASSERT_EQ(part.contacts, 1u);
+    EXPECT_EQ(part.body_index[part.contact_body[0]], whole.body_index[touched]);
+    EXPECT_GE(part.supports, touched < 5 ? 2u : 1u) << "floor, and the next one";
+    for (std::uint32_t i = 0; i < part.supports; ++i) EXPECT_LE(part.support_holder[i], part.bodies);
+  }
+}
+
 TEST(LinkPacket, BrokenBytesComeOutAsNothing) {
   Bytes good;
   (void)pack_answer(answer_with(pile(2, 4)), good);
