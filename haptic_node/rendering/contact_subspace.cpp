@@ -78,9 +78,9 @@ bool sticks(const SolverBody* bodies, SolverContact& contact, Stuck& out) noexce
   return true;
 }
 
-void begin_masses(const SolverBody* bodies, int count, Matrix& A) noexcept {
+void begin_masses(const SolverBody* bodies, Eigen::Index count, Matrix& A) noexcept {
   A.setZero(6 * count, 6 * count);
-  for (int k = 0; k < count; ++k) {
+  for (Eigen::Index k = 0; k < count; ++k) {
     const SolverBody& body = bodies[k];
     const double inverse_mass_per_kg = body.inverse_mass_per_kg;
     A.diagonal().segment<3>(6 * k).setConstant(inverse_mass_per_kg > 0.0 ? 1.0 / inverse_mass_per_kg : kHeavy);

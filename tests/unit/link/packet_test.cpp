@@ -1,8 +1,9 @@
 // What a link packs comes out unchanged, fits a datagram, and nothing that is broken comes out at all.
 #include <gtest/gtest.h>
 
-#include <cstring>
+#include <algorithm>
 #include <random>
+#include <span>
 
 #include "tools/link/packet.hpp"
 
@@ -12,7 +13,7 @@ using namespace link_dds;
 
 template <class T>
 bool same_bytes(const T& a, const T& b) {
-  return std::memcmp(&a, &b, sizeof a) == 0;
+  return std::ranges::equal(std::as_bytes(std::span(&a, 1)), std::as_bytes(std::span(&b, 1)));
 }
 
 /// A pile: `contacts` contacts, each with a body of its own that lies on `supports` others. Every number is another
