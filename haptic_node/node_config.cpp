@@ -147,8 +147,8 @@ void read_safety(Map& entry, HapticConfig& out) {
 
 /// Without `method`: the most exact one that the session allows. The pipe carries no contacts, and what the paper does
 /// not have cannot be as the paper has it. A body that is very light beside the tip is thrown by the impulses of one
-/// step of physics, unless the engine lets it yield to the tool (World::drive_tool). Hands on several machines know of
-/// each other through physics alone, a round trip late.
+/// step of physics, but not by the engine bullet, where a bed of such bodies yields (World::drive_tool). Hands on
+/// several machines know of each other through physics alone, a round trip late.
 const char* default_method(rtbus::config::SessionConfig& session, const rtbus::config::LinkConfig& wire,
                            double tip_mass_kg) {
   if (!session.physics) return "direct";

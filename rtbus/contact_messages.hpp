@@ -85,7 +85,7 @@ struct ProxyContacts {
                                                               ///< its ends; 3 or more, or two faces, a patch; 0: near
                                                               ///< its holder, and not touching.
 
-  // What soft bodies, and bodies too light for impulses, do to the tool, at instants in order of time: in the world
+  // What soft bodies, and a bed of very light ones, do to the tool, at instants in order of time: in the world
   // now, and further on if the tool goes on as it goes.
   std::array<double, kYieldSlots> yield_after_s{};   ///< After device_time_ns.
   std::array<Vec3, kYieldSlots> yield_tool_m{};      ///< Where the tool is then.

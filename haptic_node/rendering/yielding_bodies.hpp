@@ -1,6 +1,6 @@
 #pragma once
 /// @file yielding_bodies.hpp
-/// What yields to the proxy: soft bodies, and bodies too light for the impulses of a step. Frame W, SI units.
+/// What yields to the proxy: soft bodies, and a bed of very light ones. Frame W, SI units.
 #include <array>
 #include <cstddef>
 #include <cstdint>

@@ -74,9 +74,9 @@ struct Support {
   std::uint32_t points = 0;
 };
 
-/// What all bodies that yield do to the tool of a method that simulates it itself: soft bodies, and bodies too light
-/// for the impulses of a step. Such a tool takes room among them (World::drive_tool). Now, and at some instants ahead,
-/// if it goes on as it goes.
+/// What all bodies that yield do to the tool of a method that simulates it itself: soft bodies, and a bed
+/// of very light ones (kLightest). Such a tool takes room among them (World::drive_tool). Now, and at some instants
+/// ahead, if it goes on as it goes.
 struct ToolReaction {
   static constexpr std::size_t kInstants = 3;
   /// One instant of it.
