@@ -110,6 +110,23 @@ std::vector<std::string> at_a_hull() {
       "speed_m_s: 0.05, start_s: 0.1}"};
 }
 
+/// A tip that presses a pyramid of six boxes from above: with the proxy 42 unknowns, where Eigen works in blocks.
+std::vector<std::string> on_a_pyramid() {
+  std::string bodies = "{name: floor, type: static, friction: 0.5, shape: {plane: {}}}";
+  for (int level = 0; level < 3; ++level) {
+    for (int i = 0; i < 3 - level; ++i) {
+      bodies += ", {name: box" + std::to_string(3 * level + i) +
+                ", type: dynamic, mass_kg: 0.1, friction: 0.7, shape: {box: {size_m: [0.04, 0.03, 0.04]}}, "
+                "position_m: [0, " +
+                std::to_string(0.015 + 0.03 * level) + ", " + std::to_string(-0.041 * i - 0.0205 * level) + "]}";
+    }
+  }
+  return {"scene={schema: scene/1, gravity_m_s2: [0, -9.81, 0], bodies: [" + bodies + "]}",
+          "haptic.0.mapping={offset_m: [0, 0.1, -0.041]}",
+          "haptic.0.device.hand={type: push, start_m: [0, 0, 0], direction: [0.1, -1, 0], distance_m: 0.015, "
+          "speed_m_s: 0.05, start_s: 0.1}"};
+}
+
 /// Methods that do not look at a shape in the loop beyond what the other sessions show.
 std::vector<std::string> shapeless() { return {"virtual_coupling", "interpolation", "interpolation_predicted"}; }
 #endif
@@ -134,7 +151,8 @@ std::vector<SessionCase> sessions() {
                            SessionCase{"soft", "soft.yaml", 2500, false, {}, {}, {}},
                            SessionCase{"two_hands", "two_hands.yaml", 2500, false, {}, {}, {}},
                            SessionCase{"mesh", "free_block.yaml", 1500, true, on_a_mesh(), {"direct"}, shapeless()},
-                           SessionCase{"hull", "free_block.yaml", 1500, false, at_a_hull(), {}, shapeless()}}) {
+                           SessionCase{"hull", "free_block.yaml", 1500, false, at_a_hull(), {}, shapeless()},
+                           SessionCase{"pyramid", "free_block.yaml", 1500, false, on_a_pyramid(), {}, shapeless()}}) {
     out.push_back(each);
     // Results that cover many ticks and come late take other ways through a method; without physics there are none.
     each.name += "_physics_50_hz";

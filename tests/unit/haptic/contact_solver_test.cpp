@@ -9,6 +9,7 @@
 #include <cstdio>
 
 #include "haptic_node/rendering/body_motion.hpp"
+#include "haptic_node/rendering/contact_subspace.hpp"
 
 namespace {
 
@@ -229,6 +230,39 @@ TEST(ContactSolver, SolvesAtOnceWhatSticks) {
               together.off_m_s(exact));
   EXPECT_LT(exact.bodies.back().velocity_m_s.norm(), 0.01 * kPush_m_s) << "it stands";
   EXPECT_LT(together.off_m_s(exact), 0.2 * plain.off_m_s(exact));
+}
+
+// A body on a patch turns about one axis alone: the inverse of its inertia has no inverse, however it is turned.
+TEST(ContactSolver, SolvesAtOnceWhatTurnsAboutOneAxisAlone) {
+  constexpr std::size_t kBlocks = 5;
+  const Vector3d axis = Vector3d(0.02, 1.0, -0.01).normalized();
+  std::array<SolverBody, kBlocks> bodies;
+  std::array<SolverContact, kBlocks> patches;
+  for (std::size_t k = 0; k < kBlocks; ++k) {
+    bodies[k] = block(Vector3d::Zero());
+    bodies[k].inverse_inertia_per_kg_m2 = axis * axis.transpose() / 2e-5;
+    patches[k] = floor_of(0.5);
+    patches[k].normal = axis;
+    patches[k].torsion_radius_m = 0.02;
+    patches[k].a = static_cast<int>(k);
+    patches[k].b = k > 0 ? static_cast<int>(k) - 1 : SolverContact::kFixed;
+    patches[k].impulse_n_s = static_cast<double>(kBlocks - k) * kMassKg * kGravity * kStepS * Vector3d::UnitY();
+  }
+  bodies.back().velocity_m_s += Vector3d(1e-3, 0, 0);
+  bodies.back().angular_velocity_rad_s = 0.02 * axis;
+  haptic::prepare_contacts(bodies.data(), patches.data(), kBlocks);
+  haptic::relax_contacts(bodies.data(), patches.data(), kBlocks, 1, 0.0);
+  const auto fastest_m_s = [&bodies] {
+    double out = 0.0;
+    for (const SolverBody& body : bodies) {
+      out = std::max({out, body.velocity_m_s.norm(), 0.02 * body.angular_velocity_rad_s.norm()});
+    }
+    return out;
+  };
+  const double after_a_sweep_m_s = fastest_m_s();
+  ASSERT_TRUE(haptic::solve_what_sticks(bodies.data(), patches.data(), kBlocks));
+  std::printf("they go at %.2e m/s after a sweep, then at %.2e m/s\n", after_a_sweep_m_s, fastest_m_s());
+  EXPECT_LT(fastest_m_s(), 0.05 * after_a_sweep_m_s);
 }
 
 // Friction acts against the slip of each of its points: the faster a patch slides, the less of that is for its spin.

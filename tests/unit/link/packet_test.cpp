@@ -119,9 +119,7 @@ TEST(LinkPacket, OfAPileTheNearestFitIntoOneDatagramAndTheRestIsCounted) {
 /// Of `bodies`, each holds the next one; the proxy touches body `touched`.
 rtbus::ProxyContacts row_of(std::uint32_t bodies, std::uint32_t touched) {
   rtbus::ProxyContacts out = pile(bodies, 1);
-  (void)keep_nearest(out, 1, 1, false);  // its contact
-  const rtbus::ProxyContacts one = out;
-  out = pile(bodies, 1);
+  const rtbus::ProxyContacts one = pile(1, 1);
   out.contacts = 1;
   out.contact_point_m = one.contact_point_m;
   out.contact_normal = one.contact_normal;
