@@ -30,6 +30,18 @@ double sleeping_rate_rad_s(double gravity_m_s2, double extent_m) { return 0.045 
 /// Of Bullet's velocities it takes away v·damping in a second, not in proportion to time: 1 − e^(−λ) is the same decay.
 btScalar damping_of(double per_s) { return static_cast<btScalar>(-std::expm1(-per_s)); }
 
+/// Before the step, in which contacts take away what they do not allow. Bullet's gyroscopic torque ω×Iω is of the ω
+/// before that: of a spin that never is, I⁻¹τh, it is as large as (τh)²/I. It comes first therefore, and not again.
+void turn_at_once(btRigidBody& rigid, const btVector3& impulse, double h) {
+  if ((rigid.getFlags() & BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_BODY) != 0) {
+    // In spite of its name a change of the angular velocity.
+    rigid.setAngularVelocity(rigid.getAngularVelocity() +
+                             rigid.computeGyroscopicImpulseImplicit_Body(static_cast<btScalar>(h)));
+    rigid.setFlags(rigid.getFlags() & ~BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_BODY);
+  }
+  rigid.applyTorqueImpulse(impulse);
+}
+
 }  // namespace
 
 BulletWorld::BulletWorld(const config::Scene& scene, const EngineSettings& settings)
@@ -364,7 +376,7 @@ void BulletWorld::step(double step_s) {
     if (together_with(rigid).empty()) {
       rigid.applyTorque(to_bullet(push.torque_n_m, scale_ * scale_));
     } else {
-      rigid.applyTorqueImpulse(to_bullet(Vector3d(h * push.torque_n_m), scale_ * scale_));
+      turn_at_once(rigid, to_bullet(Vector3d(h * push.torque_n_m), scale_ * scale_), h);
     }
   }
   pushed_.swap(pushes_);
@@ -373,6 +385,10 @@ void BulletWorld::step(double step_s) {
   before_dynamics(h);
   world_->stepSimulation(static_cast<btScalar>(h), 0);  // no sub-steps: exactly one step of h
   after_dynamics(h);
+  for (const Push& push : pushed_) {
+    btRigidBody& rigid = *bodies_[push.body].rigid;
+    rigid.setFlags(rigid.getFlags() | BT_ENABLE_GYROSCOPIC_FORCE_IMPLICIT_BODY);
+  }
   for (MovingBody& each : moving_) {
     each.now = each.after(time_s_, h);
     each.rigid->setWorldTransform(pose_of(each.rigid->getUserIndex(), each.now));

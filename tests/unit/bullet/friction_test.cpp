@@ -63,6 +63,56 @@ TEST(BulletFriction, LetsItSlideAboveTheBoundAsFastAsCoulombSays) {
   }
 }
 
+/// Not a cube: what ω×Iω does to it is not zero.
+rtbus::config::Body long_box(double mass_kg) {
+  return tests::body("long", rtbus::shapes::Box{Vector3d(0.02, 0.01, 0.01)}, {0, 0.01, 0}, mass_kg);
+}
+
+// In a step a push beside the middle of 2 g makes a spin of 0.7 rad/s, which the floor takes away. Bullet's gyroscopic
+// torque is of the spin before that, and turned the box by 88 mrad in a second.
+TEST(BulletFriction, HoldsALightBoxThatIsPressedHard) {
+  rtbus::config::Scene scene = tests::floor_scene();
+  scene.bodies.push_back(long_box(0.002));
+  scene.bodies[0].friction = scene.bodies[1].friction = 2.0;
+  const auto world = tests::bullet(scene);
+  const std::size_t proxy = world->add_proxy({"haptic0", 0.1, 0.005, 0.0, {0, 0.2, 0}});
+  world->place_proxy(proxy, {0, 0.2, 0}, Vector3d::Zero());
+  const Vector3d force_n(0.05, -0.41, 0.005), arm_m(-0.15e-3, 0.01, 1.7e-3);
+  constexpr double kStepS = 2.7e-3;
+  const auto push = [&](double seconds) {
+    for (int i = 0; i < std::lround(seconds / kStepS); ++i) {
+      world->apply_hand_force(proxy, 1, force_n, arm_m.cross(force_n));
+      world->step(kStepS);
+    }
+    return world->body_pose(1);
+  };
+  const physics::BodyPose before = push(0.5), after = push(1.0);
+  EXPECT_LE((after.position_m - before.position_m).norm(), 1e-6);
+  EXPECT_LE(after.orientation.angularDistance(before.orientation), 1e-4);
+}
+
+// A hand that gives nothing leaves a spinning box as it is: its gyroscopic torque is neither lost nor counted twice.
+TEST(BulletFriction, LeavesASpinAlone) {
+  rtbus::config::Scene scene = tests::floor_scene();
+  scene.gravity_m_s2.setZero();
+  scene.bodies.push_back(long_box(0.1));
+  scene.bodies[1].p_WB.y() = 0.2;
+  const auto spun = [&scene](bool touched) {
+    const auto world = tests::bullet(scene);
+    const std::size_t proxy = world->add_proxy({"haptic0", 0.1, 0.005, 0.0, {0, 0.4, 0}});
+    world->place_proxy(proxy, {0, 0.4, 0}, Vector3d::Zero());
+    world->apply_hand_force(proxy, 1, Vector3d::Zero(), Vector3d(0.02, 0.05, 0.03));
+    for (int i = 0; i < 500; ++i) {
+      world->step(kPartS);
+      if (touched) world->apply_hand_force(proxy, 1, Vector3d::Zero(), Vector3d::Zero());
+    }
+    return world->body_pose(1).orientation;
+  };
+  const double turned_rad = spun(true).angularDistance(Eigen::Quaterniond::Identity());
+  EXPECT_GT(turned_rad, 0.5) << "it spins";
+  EXPECT_LE(spun(true).angularDistance(spun(false)), 1e-4);
+}
+
 /// Boxes of kBlockKg, the first one pushed or another, at 8 mm above its centre.
 struct PushedBoxes {
   std::unique_ptr<physics::World> world;
