@@ -159,6 +159,25 @@ void end(SolverContact& contact) noexcept {
 /// After so many sweeps most of what slides, or has come off, is known.
 constexpr int kSweepsToStick = 4;
 
+/// A last sweep that still changes so many tolerances has not come near the solution: a body that is pressed by many
+/// times its weight.
+constexpr double kFarOff = 100.0;
+
+struct Swept {
+  int sweeps = 0;
+  double change_m_s = 0.0;  ///< By the last one.
+};
+Swept sweep(SolverBody* bodies, SolverContact* contacts, std::size_t count, int most, double tolerance_m_s) noexcept {
+  Swept out;
+  while (out.sweeps < most) {
+    ++out.sweeps;
+    out.change_m_s = 0.0;
+    for (std::size_t i = 0; i < count; ++i) out.change_m_s = std::max(out.change_m_s, relax(bodies, contacts[i]));
+    if (out.change_m_s <= tolerance_m_s) break;
+  }
+  return out;
+}
+
 /// Twice the energy that such an impulse would give to what rests there.
 double weighed_square(const SolverContact& contact, const RowImpulse& impulse) noexcept {
   const double spin =
@@ -182,12 +201,18 @@ void move_points(const SolverBody* bodies, SolverContact* contacts, std::size_t 
 int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                    double tolerance_m_s) noexcept {
   for (std::size_t i = 0; i < count; ++i) begin(bodies, contacts[i]);
-  int sweeps = 0;
-  while (sweeps < max_sweeps) {
-    ++sweeps;
-    double change = 0.0;
-    for (std::size_t i = 0; i < count; ++i) change = std::max(change, relax(bodies, contacts[i]));
-    if (change <= tolerance_m_s) break;
+  const Swept swept = sweep(bodies, contacts, count, max_sweeps, tolerance_m_s);
+  for (std::size_t i = 0; i < count; ++i) end(contacts[i]);
+  return swept.sweeps;
+}
+
+int relax_alone(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
+                double tolerance_m_s) noexcept {
+  for (std::size_t i = 0; i < count; ++i) begin(bodies, contacts[i]);
+  const Swept swept = sweep(bodies, contacts, count, max_sweeps, tolerance_m_s);
+  int sweeps = swept.sweeps;
+  if (swept.change_m_s > kFarOff * tolerance_m_s && solve_what_sticks(bodies, contacts, count)) {
+    sweeps += sweep(bodies, contacts, count, kSweepsToStick, tolerance_m_s).sweeps;
   }
   for (std::size_t i = 0; i < count; ++i) end(contacts[i]);
   return sweeps;
@@ -229,12 +254,6 @@ int relax_together(SolverBody* bodies, SolverContact* contacts, std::size_t coun
   }
   for (std::size_t i = 0; i < count; ++i) end(contacts[i]);
   return sweeps;
-}
-
-int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
-                   double tolerance_m_s) noexcept {
-  prepare_contacts(bodies, contacts, count);
-  return relax_contacts(bodies, contacts, count, max_sweeps, tolerance_m_s);
 }
 
 }  // namespace haptic

@@ -63,21 +63,23 @@ struct SolverContact {
   double inertia_torsion_kg_m2 = 0.0;
 };
 
+/// Masses and geometry of contacts, before any of the solvers below: they may follow several times. @realtime Yes.
+void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
+/// Instead of that where only the points have moved a little: arms follow them, masses stay.
+void move_points(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
+
 /// Projected Gauss-Seidel, J. J. Moreau's sweeping process in impulses (M. Jean, "The non-smooth contact dynamics
 /// method", CMAME 177, 1999): each contact in turn gets the normal impulse ≥ 0 that keeps its gap, and the tangential
 /// one, at most friction times it, that stops its slip. Begins with the impulses found in `contacts`; adds all of them
 /// to the velocities. At most `max_sweeps`, fewer once no velocity at a contact changes by more than `tolerance_m_s`.
 /// @returns the sweeps made. @realtime Yes.
-int solve_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
-                   double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
-
-/// The two parts of it, for several solutions in a row: the first depends on masses and geometry alone, the second also
-/// on velocities, forces and what `contacts` begins with. @realtime Yes.
-void prepare_contacts(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
-/// Instead of the first part where only the points have moved a little: arms follow them, masses stay.
-void move_points(const SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
 int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                    double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
+
+/// relax_contacts() for bodies that push no other. Where its sweeps end far from a solution, all contacts that stick
+/// are one linear problem (contact_subspace.hpp), and four sweeps follow. @returns all sweeps made. @realtime Yes.
+int relax_alone(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
+                double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 
 /// relax_contacts() for bodies that push each other, where one sweep after the other gets nowhere: each goes on along
 /// the ways of those before (M. Silcowitz-Hansen, S. Niebe, K. Erleben, "A nonsmooth nonlinear conjugate gradient

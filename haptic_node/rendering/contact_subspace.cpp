@@ -147,7 +147,8 @@ bool solve_what_sticks(SolverBody* bodies, SolverContact* contacts, std::size_t 
   std::array<Stuck, kMostRowsTogether> stuck;
   std::size_t stuck_count = 0;
   int body_count = 0;
-  for (std::size_t i = 0; i < std::min(count, kMostRowsTogether); ++i) {
+  if (count > kMostRowsTogether) return false;
+  for (std::size_t i = 0; i < count; ++i) {
     SolverContact& contact = contacts[i];
     if (contact.inverse_mass_normal_per_kg <= 0.0) continue;
     if (contact.normal_n_s <= 0.0 && contact.held_n_s <= 0.0) continue;

@@ -17,7 +17,8 @@ namespace haptic {
 /// with g how far each contact is from holding. The small ε slows it down a little, and changes no solution: there g is
 /// 0. Impulses are kept in their cones; the next sweep finds what pushes no more, and what slides.
 /// @param contacts Prepared and begun; velocities have their impulses. @returns whether it did anything. Not where a
-/// contact slides, or gives way at a bounded speed, and not with more than kMostInSubspace bodies. @realtime Yes.
+/// contact slides, or gives way at a bounded speed, and not with more than kMostInSubspace bodies or kMostRowsTogether
+/// contacts. @realtime Yes.
 bool solve_what_sticks(SolverBody* bodies, SolverContact* contacts, std::size_t count) noexcept RTBUS_NONBLOCKING;
 inline constexpr int kMostInSubspace = 8;  ///< A group, the proxy, and one more.
 

@@ -58,7 +58,8 @@ TEST(PileBody, IsSolvedWithTheProxyInOneRow) {
     haptic::SolverContact row;
     row.normal = normal;
     pile.fill_row(Vector3d::Zero(), kH, row);
-    haptic::solve_contacts(&proxy, &row, 1, 12, haptic::kTolerance_m_s);
+    haptic::prepare_contacts(&proxy, &row, 1);
+    haptic::relax_contacts(&proxy, &row, 1, 12, haptic::kTolerance_m_s);
     const double impulse = row.impulse_n_s.dot(normal);
     const double surface_m_s = pile.way_m(-row.impulse_n_s, kH).z() / kH;
     if (impulse > 0.0) {
