@@ -15,7 +15,8 @@ using Eigen::Vector3d;
 
 /// What goes slower than this, in either way, stands still.
 constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
-/// Corners of a body that has moved and turned by less since they were found are the same ones.
+/// Corners of a body that has moved and turned by less since they were found are the same ones. But the lowest point of
+/// a rim goes round by a tilt to a side over the whole tilt: of a can that stands on it, it is found in each part.
 constexpr double kSameCorners_m = 1e-3, kSameCorners_rad = 5e-3;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
@@ -153,7 +154,8 @@ void FreeBody::Replay::follow_corners(double h, double ahead_s) noexcept {
   for (Member& each : members()) {
     each.moved_m = each.motion().centre_m - each.found_m;
     each.turned_rad = 2.0 * (each.turned * each.found_turned.conjugate()).vec();  // of a small angle
-    far = far || each.moved_m.norm() > kSameCorners_m || each.turned_rad.norm() > kSameCorners_rad;
+    far = far || each.moved_m.norm() > kSameCorners_m || each.turned_rad.norm() > kSameCorners_rad ||
+          each.body().corners_.rim_tilt(each.turned * each.motion().q_WB) > kSameCorners_rad;
   }
   if (far) {
     for (Member& each : members()) {

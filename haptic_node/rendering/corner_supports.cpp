@@ -293,6 +293,11 @@ bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const 
   return out.count > 0 && out.are_over(*face);
 }
 
+double CornerSupports::rim_tilt(const Quaterniond& q_WB) const noexcept {
+  if (!lies_ || cylinder_ == nullptr) return 0.0;
+  return (q_WB * Vector3d(Vector3d::UnitY())).cross(faces_[0].normal).norm();
+}
+
 void CornerSupports::find(const Vector3d& centre_m, const Quaterniond& q_WB, SupportPool& supports) const noexcept {
   for (std::size_t i = 0; i < face_count_; ++i) {
     FacePoints corners;

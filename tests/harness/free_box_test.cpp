@@ -97,11 +97,11 @@ TEST(FreeBox, ALightOneTipsAsInTruth) {
 }
 
 // Bullet rounds rims by a tenth of the radius: it tipped over as if it were thinner, and not where the loop had its
-// rim.
+// rim. With the lowest point of the rim as at the beginning of a re-simulation it fell back at 18 Hz, under 0.97 N.
 TEST(FreeCylinder, TipsAtTheForceThatLiftsItOverItsRim) {
   constexpr double kMass_kg = 0.2, kRadius_m = 0.02, kHeight_m = 0.05;
   for (const std::string& floor : {kFloor, mesh_floor()}) {
-    expect_tips_at(kMass_kg * kGravity_m_s2 * kRadius_m / kHeight_m, 1.25,
+    expect_tips_at(kMass_kg * kGravity_m_s2 * kRadius_m / kHeight_m, 1.2,
                    {floor + ", {name: can, type: dynamic, mass_kg: 0.2, shape: {cylinder: {radius_m: 0.02, length_m: "
                             "0.06}}, position_m: [0, 0.03, -0.02], friction: 1.5}",
                     "[0, 0.05, 0.0055]", 0.006, 0.0005, 12.5, 0.0});
