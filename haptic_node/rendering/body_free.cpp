@@ -28,6 +28,8 @@ constexpr double kLying = 0.1;
 constexpr double kGivesWay_s = 10e-3;
 /// So much of what the hand presses more than at an answer's instant may be gone after its age.
 constexpr double kRelaxes = 0.05;
+/// In the proxy's mass h(hK + B).
+constexpr double kLight = 100.0;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {
   Matrix3d out;
@@ -43,6 +45,7 @@ void FreeBody::take(const ToldBody& told, const SinceAnswer& since, double hand_
   motion = told.motion();
   inverse_mass_per_kg_ = answer.body_inverse_mass_per_kg[told.row];
   inverse_inertia_per_kg_m2_ = matrix_of(answer.body_inverse_inertia_per_kg_m2[told.row]);
+  light_ = kLight * since.proxy_kg * inverse_mass_per_kg_ > 1.0;
   force_n_ = vector_of(answer.body_external_force_n[told.row]);
   torque_n_m_ = vector_of(answer.body_external_torque_n_m[told.row]);
   friction_bound_n_ = answer.body_friction_bound_n[told.row];

@@ -56,6 +56,8 @@ class FreeBody {
   /// Takes part in a step as body number `self`. @returns whether it does: a force moves it.
   bool join(const BodyMotion& motion, const Impulse& given, int self, double h,
             SolverBody& out) noexcept RTBUS_NONBLOCKING;
+  /// A push may be many times its weight: see relax_alone().
+  [[nodiscard]] bool light() const noexcept { return light_; }
   void stay_out() noexcept { self_ = SolverContact::kFixed; }
   /// Its number in the step; SolverContact::kFixed: it takes no part.
   [[nodiscard]] int self() const noexcept { return self_; }
@@ -111,6 +113,7 @@ class FreeBody {
   }
 
   double inverse_mass_per_kg_ = 0.0;
+  bool light_ = false;            ///< Below 100·h(hK + B).
   double softness_per_kg_ = 0.0;  ///< Of each support: two that face each other
                                   ///< then never contradict each other.
   Eigen::Matrix3d inverse_inertia_per_kg_m2_ = Eigen::Matrix3d::Zero();

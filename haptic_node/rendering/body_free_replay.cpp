@@ -230,7 +230,8 @@ void FreeBody::Replay::go(std::uint64_t until_ns, bool last, double h) noexcept 
     if (count_ > 1) {
       relax_together(next.data(), rows_, row_count_, sweeps_, tolerance_m_s);
     } else {
-      relax_alone(next.data(), rows_, row_count_, since().tuning.fewest_sweeps(), tolerance_m_s);
+      (members_[0].body().light() ? relax_alone : relax_contacts)(next.data(), rows_, row_count_,
+                                                                  since().tuning.fewest_sweeps(), tolerance_m_s);
     }
   }
   for (std::size_t k = 0; k < count_; ++k) {

@@ -136,7 +136,7 @@ std::size_t LocalWorld::solve_once(double h, double tolerance_m_s, bool again) n
   if (group_moves_) {
     relax_together(solver_bodies_.data(), rows_.data(), rows, tuning_.together_sweeps(), tolerance_m_s);
   } else {
-    (free_moves_ ? relax_alone : relax_contacts)(solver_bodies_.data(), rows_.data(), rows, sweeps, tolerance_m_s);
+    (light_moves_ ? relax_alone : relax_contacts)(solver_bodies_.data(), rows_.data(), rows, sweeps, tolerance_m_s);
   }
   return rows;
 }
@@ -203,7 +203,7 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
   solved_contacts_ = contacts_.gather(bodies_, proxy_, free_m_s, pulled_m_s, h, shapes_, rows_.data(), touched, again);
   std::size_t rows = solved_contacts_;
   int next = 1;
-  on_free_ = free_moves_ = false;
+  on_free_ = light_moves_ = false;
   std::array<bool, kBodies> joins{};
   std::array<bool, kMostGroups> group_joins{};
   for (std::size_t slot = 0; slot < slots_; ++slot) {
@@ -221,7 +221,7 @@ std::size_t LocalWorld::gather(double h, bool again) noexcept {
     if (free == nullptr || !body.used) continue;
     free->stay_out();
     if (!joins[slot] && !group_joins[body.group]) continue;
-    free_moves_ = true;
+    light_moves_ = light_moves_ || free->light();
     next += free->join(body.motion, body.given(), next, h, solver_bodies_[static_cast<std::size_t>(next)]) ? 1 : 0;
   }
   for (std::size_t i = 0; i < solved_contacts_; ++i) {

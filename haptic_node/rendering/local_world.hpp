@@ -153,7 +153,7 @@ class LocalWorld {
   bool networked_ = false;      ///< The last answer came over a network.
   double world_lag_s_ = 0.0;    ///< SinceAnswer::world_lag_s of it.
   double proxy_kg_ = 0.0;       ///< In a tick: h(hK + B), as asked for.
-  bool free_moves_ = false;     ///< A free body takes part in the step …
+  bool light_moves_ = false;    ///< A light free body takes part in the step …
   bool group_moves_ = false;    ///< … and such that push each other.
   bool on_free_ = false;        ///< A body that forces move was touched in it.
   std::uint64_t now_ns_ = 0;    ///< The bodies are there.
