@@ -28,7 +28,7 @@ constexpr double kLying = 0.1;
 constexpr double kGivesWay_s = 10e-3;
 /// So much of what the hand presses more than at an answer's instant may be gone after its age.
 constexpr double kRelaxes = 0.05;
-/// In the proxy's mass h(hK + B).
+/// A light body's mass, in that of the proxy, h(hK + B). Tried: 20, and all (docs/decisions/0008).
 constexpr double kLight = 100.0;
 
 Matrix3d matrix_of(const rtbus::Symmetric3& m) noexcept {

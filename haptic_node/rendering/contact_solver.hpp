@@ -29,7 +29,7 @@ struct SolverContact {
   Eigen::Vector3d from_b_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d surface_velocity_m_s = Eigen::Vector3d::Zero();  ///< At the point, beyond that of `b`.
   double closing_m_s = 0.0;  ///< The normal velocity must not be below minus this: the gap over the step.
-  double friction = 0.0;     ///< Coulomb coefficient.
+  double friction = 0.0;     ///< Coulomb coefficient [1].
   double held_n_s = 0.0;     ///< Added to the normal impulse in the friction cone alone.
   /// Gives way along the normal by `softness_per_kg` times what the impulse is more than `expected_n_s`.
   double softness_per_kg = 0.0;
@@ -76,8 +76,8 @@ void move_points(const SolverBody* bodies, SolverContact* contacts, std::size_t 
 int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                    double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 
-/// relax_contacts() for bodies that push no other. Where its sweeps end far from a solution, all contacts that stick
-/// are one linear problem (contact_subspace.hpp), and four sweeps follow. @returns all sweeps made. @realtime Yes.
+/// relax_contacts() for light bodies that push no other. Where its sweeps end far from a solution, all contacts that
+/// stick are one linear problem (contact_subspace.hpp), and four sweeps follow. @returns all sweeps made. @realtime Yes.
 int relax_alone(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                 double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 
