@@ -77,7 +77,8 @@ int relax_contacts(SolverBody* bodies, SolverContact* contacts, std::size_t coun
                    double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 
 /// relax_contacts() for light bodies that push no other. Where its sweeps end far from a solution, all contacts that
-/// stick are one linear problem (contact_subspace.hpp), and four sweeps follow. @returns all sweeps made. @realtime Yes.
+/// stick are one linear problem (contact_subspace.hpp), and four sweeps follow. @returns all sweeps made. @realtime
+/// Yes.
 int relax_alone(SolverBody* bodies, SolverContact* contacts, std::size_t count, int max_sweeps,
                 double tolerance_m_s) noexcept RTBUS_NONBLOCKING;
 
