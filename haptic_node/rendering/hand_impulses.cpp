@@ -91,7 +91,9 @@ void HandImpulses::open_row(std::size_t place, bool moves) noexcept {
 void HandImpulses::settle(const Vector3d& impulse_n_s) noexcept {
   const Vector3d felt_n_s = impulse_n_s.allFinite() ? impulse_n_s : Vector3d(Vector3d::Zero());
   if (count_ == 0 && last_.place != kPlaces && !felt_n_s.isZero(0.0)) {
-    book(last_.place, {felt_n_s, last_.from_centre_m.cross(felt_n_s)}, last_.moves);
+    entries_[count_++] = last_;
+    entries_[0].impulse_n_s.setZero();
+    book(last_.place, {}, last_.moves);
   }
   double sizes_n_s = 0.0;
   Vector3d rest_n_s = felt_n_s;

@@ -298,7 +298,8 @@ void LocalWorld::felt(const Vector3d& impulse_n_s) noexcept {
   impulses_.settle(impulse_n_s + calm_n_s_);
   for (const auto& entry : impulses_.entries()) {
     if (entry.slot == kBodies) continue;  // what yields feels it in physics
-    bodies_[entry.slot].ladder.add(entry.more);
+    LocalBody& body = bodies_[entry.slot];
+    if (body.place == entry.place) body.ladder.add(entry.more);  // else its slot has another body by now
   }
 }
 

@@ -97,6 +97,10 @@ TEST_F(HandImpulsesTest, WhatComesAfterTheContactBelongsToTheBodyTouchedLast) {
   step(2, Vector3d::Zero(), {4e-4, 0, 0});
   EXPECT_NEAR(told_n_s(1).x(), 1e-3, 1e-15);
   EXPECT_NEAR(told_n_s(2).x(), 1.4e-3, 1e-15);
+  ASSERT_EQ(impulses->entries().size(), 1U) << "the local world gives it as well";
+  EXPECT_EQ(impulses->entries()[0].body, 2U);
+  EXPECT_TRUE(impulses->entries()[0].impulse_n_s.isZero(0.0)) << "it was not touched";
+  EXPECT_NEAR(impulses->entries()[0].more.linear_n_s.x(), 4e-4, 1e-15);
   const std::size_t place = impulses->hold(2);
   EXPECT_NEAR(impulses->history(place).at(now_ns - rtbus::kNsPerMs, impulses->sum(place)).linear_n_s.x(), 1e-3, 1e-15);
 }

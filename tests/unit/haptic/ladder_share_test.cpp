@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "haptic_node/rendering/local_world.hpp"
 #include "rtbus/clock.hpp"
@@ -85,6 +86,63 @@ TEST(LadderShare, ABodyIsNotPushedByWhatTheLadderTakes) {
     if (i >= 100) farthest_m = std::max(farthest_m, hand.world->position_m().norm());
   }
   EXPECT_LT(farthest_m, 20e-6);
+}
+
+// Seed 2006011757. A body is pressed to the tip by 2 N, and an answer has it 3 mm away from it. The hand's force fades
+// meanwhile, and holds the body up, which nobody touches: in the world it comes back later than under the 2 N alone.
+TEST(LadderShare, ABodyThatHasComeOffGetsWhatFades) {
+  constexpr double kStiffness = 500.0, kDamping = 50.0, kPull_n = 2.0, kBody_kg = 0.1, kAway_m = 3e-3, kRadius_m = 5e-3;
+  tests::HeldWorld hand(kStiffness, kDamping);
+  double surface_m = 0.0, velocity_m_s = 0.0;
+  const auto answer = [&](std::uint64_t sample_ns) {
+    rtbus::ProxyContacts out;
+    out.device_sequence = 1;
+    out.device_time_ns = sample_ns;
+    out.step_s = 0.02;
+    out.proxy_radius_m = kRadius_m;
+    out.contacts = out.bodies = 1;
+    out.contact_normal[0] = {1, 0, 0};
+    out.contact_gap_m[0] = -surface_m;
+    out.contact_point_m[0] = {surface_m, 0, 0};
+    out.body_kind[0] = 2;
+    out.body_inverse_mass_per_kg[0] = 1.0 / kBody_kg;
+    out.body_centre_m[0] = {surface_m - 0.01, 0, 0};
+    out.body_velocity_m_s[0] = {velocity_m_s, 0, 0};
+    out.body_external_force_n[0] = {kPull_n, 0, 0};
+    return out;
+  };
+  const Vector3d hand_m(kRadius_m - kPull_n / kStiffness, 0, 0);
+  const auto tick = [&](tests::HeldWorld& each) {
+    const Vector3d force_n = each.tick(hand_m);
+    each.world->felt(-force_n * tests::HeldWorld::kTick_s);
+    return force_n.x();
+  };
+  hand.reset({kRadius_m, 0, 0});
+  hand.world->take(answer(hand.now_ns), hand.now_ns);
+  for (int i = 0; i < 20; ++i) ASSERT_NEAR(tick(hand), kPull_n, 1e-6);
+  surface_m = -kAway_m;
+  hand.world->foresee({hand_m, Vector3d::Zero(), kStiffness, kDamping}, hand.now_ns + rtbus::kNsPerMs,
+                      tests::HeldWorld::kTick_s);
+  hand.world->take(answer(hand.now_ns), hand.now_ns);
+  for (int i = 0; i < 15; ++i) {
+    const double force_n = tick(hand);
+    ASSERT_GT(force_n, 0.3) << "it fades";
+    velocity_m_s += tests::HeldWorld::kTick_s * (kPull_n - force_n) / kBody_kg;
+    surface_m += tests::HeldWorld::kTick_s * velocity_m_s;
+  }
+  ASSERT_LT(surface_m, -0.1 * kAway_m) << "nothing touches it yet";
+  tests::HeldWorld told(kStiffness, kDamping, *hand.world);
+  told.now_ns = hand.now_ns;
+  told.world->take(answer(told.now_ns), told.now_ns);
+  const auto ticks_away = [&](tests::HeldWorld& each) {
+    int ticks = 0;
+    while (ticks < 100 && tick(each) < 1.5 * kPull_n) ++ticks;
+    return ticks;
+  };
+  const int ticks = ticks_away(hand), right = ticks_away(told);
+  EXPECT_GT(right, 3);
+  EXPECT_LT(right, 100) << "it comes back";
+  EXPECT_NEAR(ticks, right, 3) << "when an answer with the world's own place has it back. Its plane still recedes.";
 }
 
 }  // namespace ladder_share_test
