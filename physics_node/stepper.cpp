@@ -199,7 +199,13 @@ void Stepper::apply_pending(std::size_t proxy, double from, double to, double dt
       link.tool_push_n = per_s * push.impulse_n_s;
       continue;
     }
-    world_->apply_hand_force(proxy, push.body, per_s * push.impulse_n_s, per_s * push.angular_n_m_s);
+    const Vector3d force_n = per_s * push.impulse_n_s;
+    Vector3d torque_n_m = per_s * push.angular_n_m_s;
+    // The hand knows one centre of a body and of what it carries.
+    if (push.body < own_B_m_.size() && !own_B_m_[push.body].isZero(0.0)) {
+      torque_n_m -= (world_->body_pose(push.body).orientation * own_B_m_[push.body]).cross(force_n);
+    }
+    world_->apply_hand_force(proxy, push.body, force_n, torque_n_m);
   }
 }
 
@@ -231,6 +237,8 @@ void Stepper::contacts(std::size_t proxy, double radius_m, rtbus::ProxyContacts&
     if (body.kind == BodyKind::kSoft) continue;
     const BodyPose pose = world_->body_pose(body.body);
     body.orientation = pose.orientation;
+    if (body.body >= own_B_m_.size()) own_B_m_.resize(body.body + 1, Vector3d::Zero());
+    own_B_m_[body.body] = pose.orientation.conjugate() * body.own_from_centre_m;
     body.origin_from_centre_m = pose.position_m - body.centre_m;
   }
   const Link& link = links_[proxy];

@@ -164,6 +164,8 @@ class Stepper {
   std::uint64_t shape_hash_;
   std::vector<Link> links_;
   ContactSet contacts_;  // kept for its memory
+  /// By body, in its frame: BodyBehind::own_from_centre_m as it was told last.
+  std::vector<Eigen::Vector3d> own_B_m_;
   ToolReaction reaction_;
   std::vector<PendingImpulse> pushes_;  // likewise
   double step_s_ = 0.0;

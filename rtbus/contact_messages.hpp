@@ -58,6 +58,7 @@ struct ProxyContacts {
 
   std::array<std::uint32_t, kContactSlots> body_index{};  ///< In the scene's order.
   std::array<std::uint32_t, kContactSlots> body_kind{};   ///< 0 static, 1 kinematic, 2 dynamic.
+  /// Of mass. Where a body is told as one with what it carries, all body_… are of both, and hand_impulse_… likewise.
   std::array<Vec3, kContactSlots> body_centre_m{};
   std::array<Quat, kContactSlots> body_orientation_wxyz{};      ///< q_WB; zero: not known.
   std::array<Vec3, kContactSlots> body_origin_from_centre_m{};  ///< Of the body's frame, in which its shape is given.

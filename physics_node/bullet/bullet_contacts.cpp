@@ -13,6 +13,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+/// What holds others and goes more slowly slips, and stands by the time that it is told.
+constexpr double kSlip_m_s = 5e-3;
+
 /// Velocity of a body's material at `point_m` of W.
 Vector3d velocity_at(const btRigidBody& body, const Vector3d& point_m, double scale) {
   const Vector3d r_m = point_m - from_bullet(body.getWorldTransform().getOrigin(), scale);
@@ -84,9 +87,22 @@ void BulletWorld::find_contacts(const btRigidBody& proxy, double radius, double 
   }
 }
 
+/// In W, about the centre of mass. Inertia grows with the square of the scale.
+Eigen::Matrix3d BulletWorld::inverse_inertia_of(const btRigidBody& body) const {
+  const btMatrix3x3& inverse = body.getInvInertiaTensorWorld();
+  Eigen::Matrix3d out;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      out(row, column) = static_cast<double>(inverse[row][column]) * scale_ * scale_;
+    }
+  }
+  return out;
+}
+
 void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) const {
-  const std::vector<std::size_t> groups = add_companions(out);
-  for (BodyBehind& behind : out.bodies) {
+  const Companions companions = add_companions(out);
+  for (std::size_t row = 0; row < out.bodies.size(); ++row) {
+    BodyBehind& behind = out.bodies[row];
     const btRigidBody& rigid = *bodies_[behind.body].rigid;
     behind.centre_m = from_bullet(rigid.getWorldTransform().getOrigin(), scale_);
     behind.velocity_m_s = from_bullet(rigid.getLinearVelocity(), scale_);
@@ -96,15 +112,11 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
                                             : BodyKind::kDynamic;
     if (behind.kind != BodyKind::kDynamic) continue;
     behind.inverse_mass_per_kg = static_cast<double>(rigid.getInvMass());
-    const btMatrix3x3& inverse = rigid.getInvInertiaTensorWorld();  // inertia grows with the square of the scale
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        behind.inverse_inertia_per_kg_m2(row, column) = static_cast<double>(inverse[row][column]) * scale_ * scale_;
-      }
-    }
+    behind.inverse_inertia_per_kg_m2 = inverse_inertia_of(rigid);
     // getGravity() is an acceleration.
     if (rigid.isActive())
       behind.external_force_n = from_bullet(rigid.getGravity(), scale_) / behind.inverse_mass_per_kg;
+    if (companions.carries[row]) add_carried(*companions.carried, behind);
   }
   for (Contact& contact : out.contacts) {
     const BodyBehind& behind = out.bodies[contact.row];
@@ -116,11 +128,11 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
     for (std::uint32_t row = 0; row < out.bodies.size(); ++row) {
       if (out.bodies[row].kind != BodyKind::kDynamic) continue;
       const btRigidBody* const held = bodies_[out.bodies[row].body].rigid.get();
-      if (manifold->getBody0() == held) add_held_by(proxy, *manifold, true, row, groups[row] > 0, out);
-      if (manifold->getBody1() == held) add_held_by(proxy, *manifold, false, row, groups[row] > 0, out);
+      if (manifold->getBody0() == held) add_held_by(proxy, *manifold, true, row, companions, out);
+      if (manifold->getBody1() == held) add_held_by(proxy, *manifold, false, row, companions, out);
     }
   }
-  add_near_supports(groups, out);
+  add_near_supports(companions.groups, out);
   // Where there are too many, those of the body that is nearest matter most.
   std::stable_sort(out.supports.begin(), out.supports.end(),
                    [](const Support& a, const Support& b) { return a.row < b.row; });
@@ -142,11 +154,43 @@ void BulletWorld::describe_bodies(const BulletProxy& proxy, ContactSet& out) con
   }
 }
 
+/// All of them as one rigid body, about their common centre of mass.
+void BulletWorld::add_carried(const CarriedBodies& carried, BodyBehind& behind) const {
+  std::vector<const btRigidBody*> all = carried.carried_by(*bodies_[behind.body].rigid);
+  if (all.empty()) return;
+  all.push_back(bodies_[behind.body].rigid.get());
+  const auto mass_kg = [](const btRigidBody* each) { return 1.0 / static_cast<double>(each->getInvMass()); };
+  const auto centre_m = [this](const btRigidBody* each) {
+    return from_bullet(each->getWorldTransform().getOrigin(), scale_);
+  };
+  const Vector3d own_m = behind.centre_m;
+  double sum_kg = 0.0;
+  Vector3d moment_kg_m = Vector3d::Zero();
+  for (const btRigidBody* const each : all) {
+    sum_kg += mass_kg(each);
+    moment_kg_m += mass_kg(each) * (centre_m(each) - own_m);
+  }
+  behind.centre_m += moment_kg_m / sum_kg;
+  behind.own_from_centre_m = own_m - behind.centre_m;
+  behind.velocity_m_s -= behind.angular_velocity_rad_s.cross(behind.own_from_centre_m);
+  Eigen::Matrix3d inertia_kg_m2 = Eigen::Matrix3d::Zero();
+  for (const btRigidBody* const each : all) {
+    const Vector3d from_m = centre_m(each) - behind.centre_m;
+    inertia_kg_m2 += inverse_inertia_of(*each).inverse();
+    inertia_kg_m2 += mass_kg(each) * (from_m.squaredNorm() * Eigen::Matrix3d::Identity() - from_m * from_m.transpose());
+  }
+  behind.external_force_n *= sum_kg * behind.inverse_mass_per_kg;
+  behind.inverse_mass_per_kg = 1.0 / sum_kg;
+  behind.inverse_inertia_per_kg_m2 = inertia_kg_m2.inverse();
+}
+
 void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first,
-                              std::uint32_t row, bool together, ContactSet& out) const {
+                              std::uint32_t row, const Companions& companions, ContactSet& out) const {
   BodyBehind& behind = out.bodies[row];
   const auto& held = *static_cast<const btRigidBody*>(first ? manifold.getBody0() : manifold.getBody1());
   const auto& other = *static_cast<const btRigidBody*>(first ? manifold.getBody1() : manifold.getBody0());
+  if (companions.carries[row] && other.getUserIndex() >= 0 && companions.carried->is_carried(other)) return;
+  const bool together = companions.groups[row] > 0;
   const double sign = first ? 1.0 : -1.0;
   const bool awake = held.isActive();
   Support support;
@@ -195,7 +239,16 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
   if (has_face(held, support.normal) && has_face(other, support.normal)) support.points = std::max(support.points, 3U);
   support.friction = pair_friction(held, other);
   support.inverse_mass_per_kg = static_cast<double>(other.getInvMass());
-  support.surface_velocity_m_s = velocity_at(other, support.point_m, scale_);
+  // One that lies on others rattles with them.
+  const bool heavier = !together && support.inverse_mass_per_kg > 0.0 && companions.carried &&
+                       !companions.carried->is_carried(other) &&
+                       kMostMassRatio * support.inverse_mass_per_kg <= static_cast<double>(held.getInvMass());
+  if (heavier) support.inverse_mass_per_kg = 0.0;  // it goes as it went, whatever this one does
+  const auto goes_m_s = [&](const Vector3d& point_m) -> Vector3d {
+    const Vector3d velocity_m_s = velocity_at(other, point_m, scale_);
+    return heavier && velocity_m_s.norm() < kSlip_m_s ? Vector3d(Vector3d::Zero()) : velocity_m_s;
+  };
+  support.surface_velocity_m_s = goes_m_s(support.point_m);
   behind.friction_bound_n += support.friction * support.normal_force_n;
   if (support.holder > 0 && !first) return;  // once is enough
   if (support.points != 2 || (support.inverse_mass_per_kg > 0.0 && support.holder == 0)) {
@@ -210,7 +263,7 @@ void BulletWorld::add_held_by(const BulletProxy& proxy, const btPersistentManifo
     Support end = support;
     end.point_m = force.point_m;
     end.normal_force_n = force.normal_n;
-    end.surface_velocity_m_s = velocity_at(other, end.point_m, scale_);
+    end.surface_velocity_m_s = goes_m_s(end.point_m);
     out.supports.push_back(end);
   }
 }

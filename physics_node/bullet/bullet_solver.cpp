@@ -109,7 +109,7 @@ void BulletSolver::find_piles(btPersistentManifold** manifolds, int count) {
   for (std::size_t i = 0; i < bodies; ++i) {
     const std::size_t group = group_of(static_cast<int>(i));
     in_pile_[i] = size[group] > kMostTogether || (far[group] && size[group] > kMostOnEachOther) ||
-                  most[group] > kMostMassRatio * least[group];
+                  most[group] > kMostUnequal * least[group];
     btRigidBody* const body = m_tmpSolverBodyPool[static_cast<int>(i)].m_originalBody;
     if (body != nullptr) set_in_pile(*body, in_pile_[i]);
   }

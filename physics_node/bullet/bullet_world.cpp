@@ -373,7 +373,7 @@ void BulletWorld::step(double step_s) {
     rigid.applyCentralForce(to_bullet(push.force_n, scale_));
     // Not as a torque: Bullet's friction leaves out what a torque does within the step, and a block that is pushed
     // beside its centre crept by h·r×(I⁻¹τ) in each step. Piles stay as they are (docs/decisions/0020).
-    if (together_with(rigid).empty()) {
+    if (is_of_pile(rigid)) {
       rigid.applyTorque(to_bullet(push.torque_n_m, scale_ * scale_));
     } else {
       turn_at_once(rigid, to_bullet(Vector3d(h * push.torque_n_m), scale_ * scale_), h);

@@ -12,9 +12,11 @@
 #include "physics_node/bullet/bullet_proxy.hpp"
 #include "physics_node/bullet/bullet_shapes.hpp"
 #include "physics_node/bullet/bullet_solver.hpp"
+#include "physics_node/bullet/carried_bodies.hpp"
 #include "physics_node/bullet/face_contacts.hpp"
 #include "physics_node/bullet/mesh_contacts.hpp"
 #include "physics_node/bullet/rest_watch.hpp"
+#include "physics_node/engine/contact_set.hpp"
 #include "physics_node/engine/engine_module.hpp"
 
 namespace physics::bullet {
@@ -139,8 +141,13 @@ class BulletWorld : public World {
     [[nodiscard]] rtbus::config::PlacedAt after(double time_s, double step_s) const;
   };
   void add_body(const rtbus::config::Body& body, std::shared_ptr<MadeShape> made);
-  /// As of the last step. @returns with the body itself; empty: they are a pile.
-  [[nodiscard]] std::vector<const btRigidBody*> together_with(const btRigidBody& body) const;
+  /// As of the last step. @param body One of them. @param carried What is carried is left out; nullptr: nothing is.
+  /// @param most_ratio The heaviest is at most so many times as heavy as the lightest.
+  /// @returns with the body itself; empty: they are a pile.
+  [[nodiscard]] std::vector<const btRigidBody*> together_with(const btRigidBody& body, const CarriedBodies* carried,
+                                                              double most_ratio = kMostMassRatio) const;
+  /// Whether it is one of many that touch, besides what it carries, however unequal they are.
+  [[nodiscard]] bool is_of_pile(const btRigidBody& body) const;
   void place_moving(double h);
   void take_out(BulletProxy& proxy);
   void drop_tool(std::size_t proxy);
@@ -152,13 +159,25 @@ class BulletWorld : public World {
   void find_contacts(const btRigidBody& body, double radius, double radius_m, bool light, FoundContacts& out) const;
   [[nodiscard]] static double pair_friction(const btRigidBody& a, const btRigidBody& b);
   void add_near(std::vector<const btRigidBody*>& group) const;
-  /// Adds the bodies that are told together with those of `out`. @returns by row, in which group it is told; 0: alone.
-  std::vector<std::size_t> add_companions(ContactSet& out) const;
+  /// How the bodies of an answer are told, by row.
+  struct Companions {
+    std::vector<std::size_t> groups;       ///< In which group it is told; 0: alone.
+    std::vector<bool> carries;             ///< As one with what it carries: together they would be a pile.
+    std::optional<CarriedBodies> carried;  ///< Where any does.
+  };
+  /// In worlds of more bodies nobody looks for what carries what.
+  static constexpr std::size_t kMostWithCarried = 64;
+  [[nodiscard]] bool looks_for_carried() const;
+  [[nodiscard]] CarriedBodies find_carried() const;
+  /// Adds the bodies that are told together with those of `out`.
+  Companions add_companions(ContactSet& out) const;
+  [[nodiscard]] Eigen::Matrix3d inverse_inertia_of(const btRigidBody& body) const;
+  void add_carried(const CarriedBodies& carried, BodyBehind& behind) const;
   void add_near_supports(const std::vector<std::size_t>& groups, ContactSet& out) const;
   [[nodiscard]] std::span<btPersistentManifold* const> all_manifolds() const;
   void describe_bodies(const BulletProxy& proxy, ContactSet& out) const;
   void add_held_by(const BulletProxy& proxy, const btPersistentManifold& manifold, bool first, std::uint32_t row,
-                   bool together, ContactSet& out) const;
+                   const Companions& companions, ContactSet& out) const;
   void set_thresholds(const rtbus::config::Body& body, btRigidBody& rigid) const;
   [[nodiscard]] std::uint32_t contacts_of(const btRigidBody& body);
 

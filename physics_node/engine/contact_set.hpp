@@ -36,7 +36,9 @@ enum class BodyKind : std::uint32_t { kStatic = 0, kKinematic = 1, kDynamic = 2,
 struct BodyBehind {
   std::uint32_t body = 0;  ///< In the scene's order (World::body_pose).
   BodyKind kind = BodyKind::kStatic;
-  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();               ///< Centre of mass.
+  /// Centre of mass, together with what it carries where it is told as one with that.
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d own_from_centre_m = Eigen::Vector3d::Zero();      ///< Of its own mass alone, from there.
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< q_WB, set by the stepper.
   Eigen::Vector3d origin_from_centre_m = Eigen::Vector3d::Zero();   ///< Of the body's frame; likewise.
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();

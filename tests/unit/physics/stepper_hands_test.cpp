@@ -18,33 +18,50 @@ using physics::Stepper;
 constexpr double kLong_s = 0.010, kHand_n = 0.5;
 constexpr std::uint64_t kMs = rtbus::kNsPerMs;
 
-/// One body. Adds up what each hand gave it in the last step.
+/// What each hand gave the body in the last step, and the moment of it about the body's centre of mass.
+struct Given {
+  std::array<double, 2> n_s{};
+  Vector3d angular_n_m_s = Vector3d::Zero();
+  Vector3d own_from_centre_m = Vector3d::Zero();  ///< As contacts() tell it.
+};
+
+/// One body, which stands on its side.
 class PushedWorld final : public physics::World {
  public:
-  explicit PushedWorld(std::array<double, 2>& given_n_s) : given_n_s_(given_n_s) {}
+  explicit PushedWorld(Given& given) : given_(given) {}
   std::size_t add_proxy(const physics::ProxyParameters&) override { return proxies_++; }
   void reset_proxy(std::size_t, const Vector3d&) override {}
   void release_proxy(std::size_t) override {}
   void place_proxy(std::size_t, const Vector3d&, const Vector3d&) override {}
-  void apply_hand_force(std::size_t proxy, std::size_t, const Vector3d& force_n, const Vector3d&) override {
+  void apply_hand_force(std::size_t proxy, std::size_t, const Vector3d& force_n, const Vector3d& torque_n_m) override {
     push_n_[proxy] += force_n.x();
+    torque_n_m_ += torque_n_m;
   }
   void set_proxy_target(std::size_t, const physics::ProxyTarget&) override {}
   void step(double step_s) override {
-    for (std::size_t i = 0; i < push_n_.size(); ++i) given_n_s_[i] = push_n_[i] * step_s;
+    for (std::size_t i = 0; i < push_n_.size(); ++i) given_.n_s[i] = push_n_[i] * step_s;
+    given_.angular_n_m_s = step_s * torque_n_m_;
     push_n_ = {};
+    torque_n_m_.setZero();
   }
   [[nodiscard]] physics::ProxyReadout proxy(std::size_t) const override { return {}; }
-  void contacts(std::size_t, double, physics::ContactSet&) const override {}
+  void contacts(std::size_t, double, physics::ContactSet& out) const override {
+    out = {};
+    out.bodies.emplace_back().kind = physics::BodyKind::kDynamic;
+    out.bodies[0].own_from_centre_m = given_.own_from_centre_m;
+  }
   [[nodiscard]] std::size_t bodies() const noexcept override { return 1; }
-  [[nodiscard]] physics::BodyPose body_pose(std::size_t) const override { return {}; }
+  [[nodiscard]] physics::BodyPose body_pose(std::size_t) const override {
+    return {Vector3d::Zero(), Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitX(), Vector3d::UnitY())};
+  }
   [[nodiscard]] std::size_t awake_bodies() const noexcept override { return 1; }
   [[nodiscard]] std::size_t solved_contacts() const noexcept override { return 0; }
   [[nodiscard]] std::vector<std::string> warnings(double) const override { return {}; }
 
  private:
-  std::array<double, 2>& given_n_s_;
+  Given& given_;
   std::array<double, 2> push_n_{};
+  Vector3d torque_n_m_ = Vector3d::Zero();
   std::size_t proxies_ = 0;
 };
 
@@ -82,24 +99,24 @@ class TwoHandsAtOneBody : public testing::Test {
   }
 
   std::array<std::uint64_t, 2> told_ms_{};
-  std::array<double, 2> given_n_s_{};
-  Stepper stepper_{std::make_unique<PushedWorld>(given_n_s_), hands(), 1};
+  Given given_;
+  Stepper stepper_{std::make_unique<PushedWorld>(given_), hands(), 1};
   std::uint64_t sequence_ = 0;
 };
 
 TEST_F(TwoHandsAtOneBody, PushItEquallyLongWhenTheLastSampleOfOneIsLost) {
   step(0, 0);
   step(10, 10);
-  EXPECT_NEAR(given_n_s_[0], 10e-3 * kHand_n, 1e-9);
-  EXPECT_NEAR(given_n_s_[1], -10e-3 * kHand_n, 1e-9);
+  EXPECT_NEAR(given_.n_s[0], 10e-3 * kHand_n, 1e-9);
+  EXPECT_NEAR(given_.n_s[1], -10e-3 * kHand_n, 1e-9);
   step(20, 19);
-  EXPECT_NEAR(given_n_s_[0], 9e-3 * kHand_n, 1e-6);
-  EXPECT_NEAR(given_n_s_[0] + given_n_s_[1], 0.0, 1e-6);
+  EXPECT_NEAR(given_.n_s[0], 9e-3 * kHand_n, 1e-6);
+  EXPECT_NEAR(given_.n_s[0] + given_.n_s[1], 0.0, 1e-6);
   double left_n_s = 0.0;
   for (std::uint64_t i = 3; i < 10; ++i) {
     step(10 * i, 10 * i);
-    EXPECT_NEAR(given_n_s_[0] + given_n_s_[1], 0.0, 1e-6) << i;
-    left_n_s += given_n_s_[0];
+    EXPECT_NEAR(given_.n_s[0] + given_.n_s[1], 0.0, 1e-6) << i;
+    left_n_s += given_.n_s[0];
   }
   EXPECT_NEAR(left_n_s, 70e-3 * kHand_n, 1e-3 * kHand_n) << "what waited is given later, but for a tick at most";
 }
@@ -117,9 +134,9 @@ TEST_F(TwoHandsAtOneBody, PushEvenlyThoughTwoSamplesInARowAreLost) {
     for (std::size_t hand = 0; hand < 2; ++hand) stepper_.set_device(hand, pushed_until(hand, heard_ms), heard_ms);
     stepper_.step(kShort_s);
     if (ms < kFrom_ms + 10) continue;
-    least_n_s = std::min(least_n_s, given_n_s_[0]);
-    most_n_s = std::max(most_n_s, given_n_s_[0]);
-    sum_n_s += given_n_s_[0];
+    least_n_s = std::min(least_n_s, given_.n_s[0]);
+    most_n_s = std::max(most_n_s, given_.n_s[0]);
+    sum_n_s += given_.n_s[0];
   }
   EXPECT_GT(least_n_s, 0.85 * kShort_s * kHand_n);
   EXPECT_LT(most_n_s, 1.15 * kShort_s * kHand_n);
@@ -130,8 +147,8 @@ TEST_F(TwoHandsAtOneBody, DoNotWaitForOneThatHasEnded) {
   step(0, 0);
   step(10, 10);
   step(20, 10);
-  EXPECT_NEAR(given_n_s_[0], 10e-3 * kHand_n, 1e-6);
-  EXPECT_EQ(given_n_s_[1], 0.0);
+  EXPECT_NEAR(given_.n_s[0], 10e-3 * kHand_n, 1e-6);
+  EXPECT_EQ(given_.n_s[1], 0.0);
 }
 
 // Meanwhile what they hold falls.
@@ -143,7 +160,7 @@ TEST_F(TwoHandsAtOneBody, WaitTwoTicksForOneThatHasEnded) {
     tell(0, ms);
     tell(1, std::min(ms, kEnds_ms));
     stepper_.step(kShort_s);
-    if (ms > kEnds_ms && given_n_s_[0] < 0.5 * kShort_s * kHand_n) ++waited;
+    if (ms > kEnds_ms && given_.n_s[0] < 0.5 * kShort_s * kHand_n) ++waited;
   }
   EXPECT_EQ(waited, 2);
 }
@@ -159,9 +176,21 @@ TEST_F(TwoHandsAtOneBody, WaitTwoTicksAlsoForOneThatHadPaused) {
     if (ms == kBack_ms) told_ms_[1] = ms - 1;
     if (ms < kPauses_ms || ms >= kBack_ms) tell(1, std::min(ms, kEnds_ms));
     stepper_.step(kShort_s);
-    if (ms > kEnds_ms && given_n_s_[0] < 0.5 * kShort_s * kHand_n) ++waited;
+    if (ms > kEnds_ms && given_.n_s[0] < 0.5 * kShort_s * kHand_n) ++waited;
   }
   EXPECT_EQ(waited, 2);
+}
+
+// The hand knows a body and what it carries as one, by their centre of mass.
+TEST_F(TwoHandsAtOneBody, PushItAboutTheCentreThatWasToldLast) {
+  given_.own_from_centre_m = {0, -0.02, 0.01};
+  step(0, 0);
+  rtbus::ProxyContacts told;
+  stepper_.contacts(0, 0.01, told);
+  step(10, 0);
+  const Vector3d push_n_s(given_.n_s[0], 0, 0);
+  ASSERT_NEAR(push_n_s.x(), kHand_n * kLong_s, 1e-9);
+  EXPECT_LT((given_.angular_n_m_s + given_.own_from_centre_m.cross(push_n_s)).norm(), 1e-9);
 }
 
 }  // namespace

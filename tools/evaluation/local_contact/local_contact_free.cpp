@@ -56,6 +56,20 @@ std::string pyramid(double mass_kg) {
   return out;
 }
 
+/// Of 400 g, pushed at its side, with eight boxes on it.
+std::string tray_of_eight(double mass_kg) {
+  std::string out =
+      ", {name: tray, type: dynamic, mass_kg: 0.4, shape: {box: {size_m: [0.16, 0.03, 0.08]}}, "
+      "position_m: [0, 0.015, -0.02], friction: 0.7}";
+  for (int i = 0; i < 8; ++i) {
+    out += formatted(
+        ", {name: item%d, type: dynamic, mass_kg: %g, shape: {box: {size_m: [0.03, 0.03, 0.03]}}, "
+        "position_m: [%g, 0.045, %g], friction: 0.7}",
+        i, mass_kg, -0.06 + 0.04 * (i % 4), -0.04 + 0.04 * (i / 4));
+  }
+  return out;
+}
+
 std::vector<FreeCase> free_cases() {
   const std::string floor = "{name: floor, type: static, shape: {plane: {}}, friction: 0.5}";
   return {{"corner", "a block pushed at a corner: it turns",
@@ -130,6 +144,22 @@ std::vector<FreeCase> free_cases() {
            "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
           {"pyramid", "a pyramid of six boxes pushed at its foot", "[" + floor + pyramid(0.1) + "]", "[0, 0.015, 0.03]",
            "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
+          {"carries_light", "a box of 400 g that carries one of 20 g, pushed",
+           "[" + floor + box_at(0, 0.015, 0.0, 0.4) + box_at(1, 0.045, 0.0, 0.02) + "]", "[0, 0.015, 0.03]",
+           "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
+          {"carries_heavy", "a box of 20 g that carries one of 400 g, pushed",
+           "[" + floor + box_at(0, 0.015, 0.0, 0.02) + box_at(1, 0.045, 0.0, 0.4) + "]", "[0, 0.015, 0.03]",
+           "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
+          {"on_heavy", "a box of 50 g pushed over one of 600 g",
+           "[" + floor +
+               ", {name: low, type: dynamic, mass_kg: 0.6, shape: {box: {size_m: [0.06, 0.03, 0.16]}}, "
+               "position_m: [0, 0.015, -0.05], friction: 0.7}" +
+               box_at(1, 0.045, 0.0, 0.05) + "]",
+           "[0, 0.045, 0.03]", "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0, 0.02, 0.05},
+          {"tray", "a tray of 400 g with eight boxes of 100 g, pushed", "[" + floor + tray_of_eight(0.1) + "]",
+           "[0, 0.015, 0.03]", "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
+          {"light_tray", "a tray of 400 g with eight boxes of 20 g, pushed", "[" + floor + tray_of_eight(0.02) + "]",
+           "[0, 0.015, 0.03]", "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0},
           {"pile", "a row of eight boxes pushed: a pile", "[" + floor + row_of(8, 0.1) + "]", "[0, 0.015, 0.03]",
            "[0, 0, -1]", 0.06, 0.03, 3.5, 400.0, 0.0, 0.02, 0.15, true}};
 }
