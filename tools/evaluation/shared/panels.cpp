@@ -13,6 +13,8 @@ namespace {
 constexpr std::size_t kMostPoints = 3000;
 constexpr int kPanel_px = 440, kKeyRow_px = 18;
 constexpr std::size_t kKeyRows = 3;  ///< Fit into kPanel_px.
+/// More panels stand side by side: one below the other they would be metres of paper.
+constexpr std::size_t kInOneColumn = 6, kColumns = 3;
 
 struct Look {
   const char* method;
@@ -74,9 +76,12 @@ void draw_panels(Experiment& experiment, const std::string& stem, const std::str
   std::size_t rows = kKeyRows;
   for (const Panel& panel : panels) rows = std::max(rows, key_rows(panel));
   const int more_px = kKeyRow_px * static_cast<int>(rows - kKeyRows);
-  figure.height_px = 60 + (kPanel_px + more_px) * static_cast<int>(panels.size());
-  figure.body = "set multiplot layout " + std::to_string(panels.size()) + ",1 title " + gnuplot_quoted(title) +
-                "\nset grid lc rgb 'gray80'\nset lmargin 11\nset rmargin 4\n";
+  const std::size_t columns = panels.size() > kInOneColumn ? kColumns : 1;
+  const std::size_t lines = (panels.size() + columns - 1) / columns;
+  figure.width_px *= static_cast<int>(columns);
+  figure.height_px = 60 + (kPanel_px + more_px) * static_cast<int>(lines);
+  figure.body = "set multiplot layout " + std::to_string(lines) + "," + std::to_string(columns) + " title " +
+                gnuplot_quoted(title) + "\nset grid lc rgb 'gray80'\nset lmargin 11\nset rmargin 4\n";
   for (std::size_t p = 0; p < panels.size(); ++p) {
     const Panel& panel = panels[p];
     figure.body += "unset logscale\nunset arrow\nset autoscale\nset format '%g'\nset xtics autofreq\nset bmargin " +
