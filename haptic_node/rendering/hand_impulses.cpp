@@ -90,7 +90,8 @@ void HandImpulses::open_row(std::size_t place, bool moves) noexcept {
 
 void HandImpulses::settle(const Vector3d& impulse_n_s) noexcept {
   const Vector3d felt_n_s = impulse_n_s.allFinite() ? impulse_n_s : Vector3d(Vector3d::Zero());
-  if (count_ == 0 && last_.place != kPlaces && !felt_n_s.isZero(0.0)) {
+  const bool known = last_.place != kPlaces && places_[last_.place].body == last_.body;
+  if (count_ == 0 && known && !felt_n_s.isZero(0.0)) {
     entries_[count_++] = last_;
     entries_[0].impulse_n_s.setZero();
     book(last_.place, {}, last_.moves);

@@ -55,7 +55,7 @@ class HandImpulses {
 
   /// The step is over; the bodies got `impulse_n_s` in all, which is what the safety ladder let through. What it took
   /// or added, the bodies share as they share the force: Entry::more. What it still gives when nothing is touched
-  /// belongs to the body that was touched last. What is not finite counts as nothing.
+  /// belongs to the body that was touched last, which has an entry then as well. What is not finite counts as nothing.
   void settle(const Eigen::Vector3d& impulse_n_s) noexcept RTBUS_NONBLOCKING;
 
   [[nodiscard]] const Impulse& sum(std::size_t place) const noexcept { return places_[place].sum; }

@@ -159,7 +159,6 @@ void BulletWorld::add_carried(const CarriedBodies& carried, BodyBehind& behind) 
   std::vector<const btRigidBody*> all = carried.carried_by(*bodies_[behind.body].rigid);
   if (all.empty()) return;
   all.push_back(bodies_[behind.body].rigid.get());
-  const auto mass_kg = [](const btRigidBody* each) { return 1.0 / static_cast<double>(each->getInvMass()); };
   const auto centre_m = [this](const btRigidBody* each) {
     return from_bullet(each->getWorldTransform().getOrigin(), scale_);
   };
@@ -167,8 +166,8 @@ void BulletWorld::add_carried(const CarriedBodies& carried, BodyBehind& behind) 
   double sum_kg = 0.0;
   Vector3d moment_kg_m = Vector3d::Zero();
   for (const btRigidBody* const each : all) {
-    sum_kg += mass_kg(each);
-    moment_kg_m += mass_kg(each) * (centre_m(each) - own_m);
+    sum_kg += mass_kg(*each);
+    moment_kg_m += mass_kg(*each) * (centre_m(each) - own_m);
   }
   behind.centre_m += moment_kg_m / sum_kg;
   behind.own_from_centre_m = own_m - behind.centre_m;
@@ -177,7 +176,8 @@ void BulletWorld::add_carried(const CarriedBodies& carried, BodyBehind& behind) 
   for (const btRigidBody* const each : all) {
     const Vector3d from_m = centre_m(each) - behind.centre_m;
     inertia_kg_m2 += inverse_inertia_of(*each).inverse();
-    inertia_kg_m2 += mass_kg(each) * (from_m.squaredNorm() * Eigen::Matrix3d::Identity() - from_m * from_m.transpose());
+    inertia_kg_m2 +=
+        mass_kg(*each) * (from_m.squaredNorm() * Eigen::Matrix3d::Identity() - from_m * from_m.transpose());
   }
   behind.external_force_n *= sum_kg * behind.inverse_mass_per_kg;
   behind.inverse_mass_per_kg = 1.0 / sum_kg;

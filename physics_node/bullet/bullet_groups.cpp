@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "physics_node/bullet/bullet_world.hpp"
+#include "physics_node/bullet/units.hpp"
 
 namespace physics::bullet {
 namespace {
@@ -18,12 +19,12 @@ bool is_in(const std::vector<const btRigidBody*>& group, const btRigidBody* body
 
 /// One is more than so many times as heavy as another, each with what it carries.
 bool is_pile(const std::vector<const btRigidBody*>& group, const CarriedBodies* carried, double most_ratio) {
-  const auto mass_kg = [carried](const btRigidBody* each) {
-    return carried != nullptr ? carried->mass_kg(*each) : 1.0 / static_cast<double>(each->getInvMass());
+  const auto together_kg = [carried](const btRigidBody* each) {
+    return carried != nullptr ? carried->together_kg(*each) : mass_kg(*each);
   };
   const auto [lightest, heaviest] = std::minmax_element(
-      group.begin(), group.end(), [&](const auto* a, const auto* b) { return mass_kg(a) < mass_kg(b); });
-  return mass_kg(*heaviest) > most_ratio * mass_kg(*lightest);
+      group.begin(), group.end(), [&](const auto* a, const auto* b) { return together_kg(a) < together_kg(b); });
+  return together_kg(*heaviest) > most_ratio * together_kg(*lightest);
 }
 
 /// Between the boxes that bound them, along the axes of the world: they are no nearer than that. Bullet's units.

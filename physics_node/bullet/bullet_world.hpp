@@ -184,7 +184,7 @@ class BulletWorld : public World {
   rtbus::config::Deactivation deactivation_;
   double gravity_m_s2_;
   double smallest_m_;
-  double scale_;
+  double scale_;  ///< Bullet's lengths over metres [1].
   std::string scene_file_;
 
   // Bullet's parts, in the order in which they need each other.

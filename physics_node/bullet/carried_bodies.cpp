@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "physics_node/bullet/bullet_solver.hpp"
+#include "physics_node/bullet/units.hpp"
 #include "physics_node/engine/contact_set.hpp"
 
 namespace physics::bullet {
@@ -15,8 +15,6 @@ const btRigidBody* moved(const btCollisionObject& object) {
   const btRigidBody* const body = btRigidBody::upcast(&object);
   return body != nullptr && !body->isStaticOrKinematicObject() ? body : nullptr;
 }
-
-double mass(const btRigidBody& body) { return 1.0 / static_cast<double>(body.getInvMass()); }
 
 }  // namespace
 
@@ -38,7 +36,7 @@ CarriedBodies::CarriedBodies(std::span<btPersistentManifold* const> manifolds, c
       const Touch& on = node.touches.front();
       const btRigidBody* const carrier = moved(*on.other);
       if (carrier == nullptr || on.up < kBelow) continue;
-      if (touched(*body) && kMostMassRatio * mass_kg(*body) > mass_kg(*carrier)) continue;
+      if (touched(*body) && kMostMassRatio * together_kg(*body) > together_kg(*carrier)) continue;
       node.carrier = carrier;
       std::erase_if(node_of(*carrier).touches, [body](const Touch& each) { return each.other == body; });
       ++taken;
@@ -90,9 +88,9 @@ std::vector<const btRigidBody*> CarriedBodies::carried_by(const btRigidBody& car
   return out;
 }
 
-double CarriedBodies::mass_kg(const btRigidBody& carrier) const {
-  double out = mass(carrier);
-  for (const btRigidBody* const each : carried_by(carrier)) out += mass(*each);
+double CarriedBodies::together_kg(const btRigidBody& carrier) const {
+  double out = mass_kg(carrier);
+  for (const btRigidBody* const each : carried_by(carrier)) out += mass_kg(*each);
   return out;
 }
 

@@ -21,12 +21,10 @@ class CarriedBodies {
 
   /// @returns whether something carries it.
   [[nodiscard]] bool is_carried(const btRigidBody& body) const { return carrier_of(body) != &body; }
-  /// What carries it and is not carried itself; the body, where nothing does.
-  [[nodiscard]] const btRigidBody* carrier_of(const btRigidBody& body) const;
   /// All that go with that one.
   [[nodiscard]] std::vector<const btRigidBody*> carried_by(const btRigidBody& carrier) const;
-  /// With all that it carries.
-  [[nodiscard]] double mass_kg(const btRigidBody& carrier) const;
+  /// Its mass, and that of all that it carries.
+  [[nodiscard]] double together_kg(const btRigidBody& carrier) const;
 
  private:
   struct Touch {
@@ -39,6 +37,8 @@ class CarriedBodies {
     const btRigidBody* carrier = nullptr;
   };
   Node& node_of(const btRigidBody& body);
+  /// What carries it and is not carried itself; the body, where nothing does.
+  [[nodiscard]] const btRigidBody* carrier_of(const btRigidBody& body) const;
   [[nodiscard]] const Node* find(const btRigidBody& body) const;
   void touch(const btCollisionObject& object, const btCollisionObject& other, double up);
 

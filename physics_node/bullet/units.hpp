@@ -10,6 +10,9 @@
 
 namespace physics::bullet {
 
+/// Of a body that forces move.
+inline double mass_kg(const btRigidBody& body) { return 1.0 / static_cast<double>(body.getInvMass()); }
+
 inline btVector3 to_bullet(const Eigen::Vector3d& v, double scale = 1.0) {
   return {static_cast<btScalar>(v.x() * scale), static_cast<btScalar>(v.y() * scale),
           static_cast<btScalar>(v.z() * scale)};

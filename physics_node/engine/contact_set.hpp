@@ -103,7 +103,7 @@ inline constexpr std::size_t kMaxSupports = 32;
 /// So many dynamic bodies that touch each other are told together: each has a row, be it near the proxy or not, and
 /// where two of them touch is one support, of either, with the other as its holder. More of them are a pile, and so are
 /// those of which one is more than so many times as heavy as another: an engine does not find the forces among these
-/// within a step, and they rattle.
+/// within a step, and they rattle. But what lies on a body and touches nothing else may be told as one with it.
 inline constexpr std::size_t kMostTogether = 6;
 inline constexpr double kMostMassRatio = 10.0;
 /// Boxes that are so near to each other are told together as if they touched, by a support of no points.

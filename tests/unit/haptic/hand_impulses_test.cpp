@@ -175,4 +175,22 @@ TEST_F(HandImpulsesTest, APlaceIsKeptWhileItIsHeldOrTold) {
   EXPECT_NEAR(told_n_s(1001).x(), 1e-3, 1e-15);
 }
 
+// Of too many bodies at a time the last has no row. Its place may be another body's by the time that the force fades.
+TEST_F(HandImpulsesTest, WhatFadesIsNotGivenToABodyThatHasTheOnesPlace) {
+  constexpr std::uint32_t kLast = rtbus::kHandImpulseRows;
+  impulses->begin(now_ns, now_ns + rtbus::kNsPerMs);
+  now_ns += rtbus::kNsPerMs;
+  for (std::uint32_t body = 0; body <= kLast; ++body) {
+    impulses->give(impulses->hold(body), body, {1e-3, 0, 0}, Vector3d::Zero(), true);
+  }
+  impulses->settle({1e-3 * (kLast + 1), 0, 0});
+  const std::size_t place = impulses->hold(kLast);
+  impulses->release(place);
+  std::uint32_t next = 1000;
+  while (impulses->hold(next) != place) ASSERT_LT(++next, 1000 + HandImpulses::kPlaces);
+  step(kLast, Vector3d::Zero(), {4e-4, 0, 0});
+  EXPECT_TRUE(impulses->sum(place).is_zero());
+  EXPECT_TRUE(impulses->entries().empty());
+}
+
 }  // namespace
