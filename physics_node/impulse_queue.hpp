@@ -42,9 +42,12 @@ class ImpulseQueue {
   }
 
   /// So much of the hand's time the next step of `dt_s` seconds would take. @param most_s So much is held back at most.
-  [[nodiscard]] double due_s(double dt_s, double most_s) const noexcept {
+  /// @param tick_s Between two samples of the hand: so much is no surplus. A step finds a sample more or less than the
+  /// one before, and where nothing is left for one that finds less, its body falls for longer than the hand holds it.
+  [[nodiscard]] double due_s(double dt_s, double most_s, double tick_s) const noexcept {
     const double spare_s = std::max(0.0, queued_s_ - dt_s);
-    return dt_s + std::max(spare_s * std::min(1.0, dt_s / kDrain_s), spare_s - most_s);
+    const double drained_s = std::max(0.0, spare_s - tick_s) * std::min(1.0, dt_s / kDrain_s);
+    return dt_s + std::max(drained_s, spare_s - most_s);
   }
 
   /// What a step gives to the bodies for which so much of the hand's time is due, each at its time, is added to `out`.

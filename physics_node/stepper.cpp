@@ -146,7 +146,8 @@ void Stepper::gather_impulses(double dt_s) {
   constexpr double kMostOverNetwork_s = 0.25, kMostOfStep = 0.25, kMostTicks_s = 3e-3;
   const double held_s = kMostOfStep * dt_s + kMostTicks_s;
   const auto due_s = [&](const Link& link) {
-    return link.queue.due_s(dt_s, link.config.wire.over_network() ? kMostOverNetwork_s : held_s);
+    if (link.config.wire.over_network()) return link.queue.due_s(dt_s, kMostOverNetwork_s, 0.0);
+    return link.queue.due_s(dt_s, held_s, 1e-9 * static_cast<double>(link.tick_ns));
   };
   const auto gives_here = [](const Link& link) {
     return link.owns_proxy && link.enabled && !link.silent && !link.config.wire.over_network();

@@ -18,6 +18,11 @@ constexpr double kStill_m_s = 1e-3, kStill_rad_s = 0.05;
 /// Corners of a body that has moved and turned by less since they were found are the same ones. But the lowest point of
 /// a rim goes round by a tilt to a side over the whole tilt: of a can that stands on it, it is found in each part.
 constexpr double kSameCorners_m = 1e-3, kSameCorners_rad = 5e-3;
+/// A body on an edge falls over the faster, the farther it leans: what a long part misses has grown to a fall by the
+/// next answer. There, and where an answer is older than this, parts are Tuning::longest_part_s; rows times parts are
+/// so many at most.
+constexpr double kOld_s = 0.1;
+constexpr int kShortPartsBudget = 1000;
 /// No push turns a body farther from the instant of an answer to now.
 constexpr double kBlocked_rad = 0.5;
 
@@ -231,7 +236,7 @@ void FreeBody::Replay::go(std::uint64_t until_ns, bool last, double h) noexcept 
       relax_together(next.data(), rows_, row_count_, sweeps_, tolerance_m_s);
     } else {
       (members_[0].body().light() ? relax_alone : relax_contacts)(next.data(), rows_, row_count_,
-                                                                  since().tuning.fewest_sweeps(), tolerance_m_s);
+                                                                  since().tuning.together_sweeps(), tolerance_m_s);
     }
   }
   for (std::size_t k = 0; k < count_; ++k) {
@@ -257,7 +262,11 @@ bool FreeBody::Replay::run() noexcept {
   // Walls before the body are rows that the budget has not counted.
   const int budget = count_ > 1 ? since().tuning.together_budget() : static_cast<int>(since().tuning.row_budget);
   const int rows = static_cast<int>(count_ + supports);
-  const int parts = std::clamp(budget / rows, 1, since().parts);
+  int parts = std::clamp(budget / rows, 1, since().parts);
+  if (count_ == 1 && (way_s_ > kOld_s || members_[0].body().corners_.leans(supports_))) {
+    parts = std::clamp(static_cast<int>(std::ceil(way_s_ / since().tuning.longest_part_s)), parts,
+                       std::max(parts, kShortPartsBudget / rows));
+  }
   sweeps_ = since().tuning.replay_sweeps(rows * parts);
   const double h = way_s_ / parts;
   tick_s_ = std::min(h, since().tick_s);

@@ -293,6 +293,15 @@ bool CornerSupports::corners_on(const rtbus::shapes::PlacedShape& holder, const 
   return out.count > 0 && out.are_over(*face);
 }
 
+bool CornerSupports::leans(const SupportPool& supports) const noexcept {
+  for (std::size_t face = 0; lies_ && face < face_count_; ++face) {
+    const std::span rows(supports.rows.data() + first_ + kCorners * face, kCorners);
+    const auto touches = [](const Support& row) { return row.gap_m < kTilts_m; };
+    if (std::count_if(rows.begin(), rows.end(), touches) >= static_cast<std::ptrdiff_t>(kPatchCorners)) return false;
+  }
+  return lies_;
+}
+
 double CornerSupports::rim_tilt(const Quaterniond& q_WB) const noexcept {
   if (!lies_ || cylinder_ == nullptr) return 0.0;
   return (q_WB * Vector3d(Vector3d::UnitY())).cross(faces_[0].normal).norm();

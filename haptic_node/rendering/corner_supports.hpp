@@ -29,6 +29,8 @@ class CornerSupports {
   void be(const rtbus::shapes::KnownShape* shape, const Eigen::Vector3d& origin_B_m) noexcept;
 
   [[nodiscard]] bool lies() const noexcept { return lies_; }
+  /// Whether no face holds it at three corners: it may tip.
+  [[nodiscard]] bool leans(const SupportPool& supports) const noexcept RTBUS_NONBLOCKING;
   /// Sine of the angle by which a cylinder tilts on what it stood on; 0: it is none.
   [[nodiscard]] double rim_tilt(const Eigen::Quaterniond& q_WB) const noexcept;
 

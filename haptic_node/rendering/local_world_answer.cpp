@@ -188,8 +188,7 @@ void LocalWorld::take_rigid(const rtbus::ProxyContacts& answer, std::uint64_t no
   if (answer.device_time_ns < now_ns) {
     const double age_s = rtbus::seconds_between(answer.device_time_ns, now_ns);
     const double ticks = std::ceil(age_s / tick_s_ - 0.1);
-    const double wanted =
-        networked_ ? kNetworkParts : std::max(tuning_.parts, std::ceil(age_s / tuning_.longest_part_s));
+    const double wanted = networked_ ? kNetworkParts : tuning_.parts;
     const bool any_group =
         std::any_of(told.group.begin(), told.group.end(), [](std::size_t group) { return group > 0; });
     const int budget = any_group ? tuning_.together_budget() : static_cast<int>(tuning_.row_budget);

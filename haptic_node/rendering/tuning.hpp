@@ -23,7 +23,7 @@ struct Tuning {
   double sweeps = 12.0;
   double row_budget = 100.0;
   double parts = 8.0;
-  double longest_part_s = 8e-3;
+  double longest_part_s = 1e-3;
   double good_periods = 2.0;
   double good_besides_s = 3e-3;
   double way_out_s = 0.5;
@@ -103,8 +103,8 @@ inline constexpr std::array<TunedValue, 20> kTunedValues{{
      "in which a body goes from the answered instant to now, and the proxy along a long way; with one for each 7 ms "
      "alone a third more of the cases oscillate a little",
      "decision 0008, Cost"},
-    {"longest_part_s", &Tuning::longest_part_s, 5e-3, 10e-3, "s",
-     "in more parts where an answer is old: a box on its edge falls over, and what a part misses of that grows",
+    {"longest_part_s", &Tuning::longest_part_s, 0.5e-3, 2e-3, "s",
+     "in more parts where a body leans: a box on its edge falls over, and what a part misses of that grows",
      "decision 0008, What swings under a hand that rests"},
     {"good_periods", &Tuning::good_periods, 1.5, 2.5, "periods of physics",
      "so long an answer is good: one that is lost is nothing, the one after it is due by then",

@@ -23,7 +23,7 @@ ImpulseQueue::Rows pushed(double seconds, std::size_t body = 3) {
 
 /// What a step takes that waits for nobody.
 void take_all(ImpulseQueue& queue, std::vector<PendingImpulse>& out) {
-  const double due_s = queue.due_s(kStep_s, kMost_s);
+  const double due_s = queue.due_s(kStep_s, kMost_s, 0.0);
   queue.take(due_s, due_s, out);
 }
 
@@ -59,7 +59,7 @@ TEST(ImpulseQueue, TakesNoMoreThanItMay) {
   ImpulseQueue queue;
   queue.tell(pushed(0.004), 0.004);
   std::vector<PendingImpulse> given;
-  queue.take(queue.due_s(kStep_s, kMost_s), 0.003, given);
+  queue.take(queue.due_s(kStep_s, kMost_s, 0.0), 0.003, given);
   ASSERT_EQ(given.size(), 1u);
   EXPECT_DOUBLE_EQ(given[0].to, 0.75);
   EXPECT_DOUBLE_EQ(given[0].impulse_n_s.y(), -kPush_n * 0.003);
@@ -91,6 +91,26 @@ TEST(ImpulseQueue, GivesEvenlyWhatComesInBunches) {
   }
   EXPECT_GE(least_n, 0.98 * kPush_n);
   EXPECT_LE(most_n, 1.02 * kPush_n);
+}
+
+// Steps of 4.3 samples find four or five. Drained of what was left over, a step had 0.1 ms less of the hand than it
+// lasts, again and again: a box of 0.58 kg on its edge, physics at 5 Hz, fell by 6 mrad between two answers.
+TEST(ImpulseQueue, GivesEachStepAsMuchOfTheHandAsItLasts) {
+  constexpr double kTick_s = 0.001, kUneven_s = 0.0043;
+  ImpulseQueue queue;
+  int told = 0;
+  for (int step = 1; step <= 4000; ++step) {
+    for (; (told + 1) * kTick_s <= step * kUneven_s + 1e-9; ++told) queue.tell(pushed(kTick_s), kTick_s);
+    const double due_s = queue.due_s(kUneven_s, kMost_s, kTick_s);
+    std::vector<PendingImpulse> given;
+    queue.take(due_s, due_s, given);
+    double push_n = 0.0;
+    for (const PendingImpulse& each : given) push_n -= each.impulse_n_s.y() / kUneven_s;
+    if (step > 10) {
+      EXPECT_NEAR(push_n, kPush_n, 1e-6 * kPush_n) << step;
+    }
+    EXPECT_LE(queue.queued_s(), kTick_s + 1e-9) << step;
+  }
 }
 
 TEST(ImpulseQueue, GivesAllAndSaysUntilWhenItHas) {
