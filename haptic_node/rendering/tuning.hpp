@@ -46,10 +46,11 @@ struct Tuning {
   /// What answers change in it under a hand at rest is brought in three times as fast.
   [[nodiscard]] constexpr double resting_blend_s() const noexcept { return resting_mean_s() / 3.0; }
   [[nodiscard]] constexpr int most_sweeps() const noexcept { return static_cast<int>(sweeps); }
-  /// Of bodies that push each other.
+  /// Of bodies that push each other, and of a part of a re-simulation.
   [[nodiscard]] constexpr int together_sweeps() const noexcept { return 2 * most_sweeps(); }
-  /// Of such bodies rows times parts, at most; and sweeps of each part, as many as the same time allows. A row of six
-  /// needs short parts, in which friction is found where it moves on; a stack of three needs the sweeps.
+  /// Of bodies that push each other, rows times parts at most; and sweeps of each part, as many as the same time
+  /// allows. A row of six needs short parts, in which friction is found where it moves on; a stack of three needs the
+  /// sweeps.
   [[nodiscard]] constexpr int together_budget() const noexcept { return 2 * static_cast<int>(row_budget); }
   [[nodiscard]] constexpr int replay_sweeps(int rows_times_parts) const noexcept {
     return std::clamp(most_sweeps() * together_budget() / rows_times_parts, most_sweeps(), together_sweeps());
@@ -104,7 +105,8 @@ inline constexpr std::array<TunedValue, 20> kTunedValues{{
      "alone a third more of the cases oscillate a little",
      "decision 0008, Cost"},
     {"longest_part_s", &Tuning::longest_part_s, 0.5e-3, 2e-3, "s",
-     "in more parts where a body leans: a box on its edge falls over, and what a part misses of that grows",
+     "in more parts where a body leans, or an answer is old: a box on its edge falls over, and what a part misses of "
+     "that grows",
      "decision 0008, What swings under a hand that rests"},
     {"good_periods", &Tuning::good_periods, 1.5, 2.5, "periods of physics",
      "so long an answer is good: one that is lost is nothing, the one after it is due by then",

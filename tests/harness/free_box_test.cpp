@@ -96,8 +96,8 @@ TEST(FreeBox, ALightOneTipsAsInTruth) {
   }
 }
 
-// A hand that has tipped a box up holds it there on its edge. Physics at 5 Hz gave the hand a sample more or less in
-// one step than in the next, the re-simulation went in parts of 8 ms: the box fell over.
+// A hand that has tipped a box up holds it there on its edge. Steps had a part of a sample of the hand too little, and
+// re-simulations went in parts of 8 ms: with physics at 5 Hz the box fell over from four of five starts.
 TEST(FreeBox, IsHeldOnItsEdgeWherePhysicsIsSlow) {
   constexpr int kStarts = 5, kLast_ms = 500;
   const auto held_n = [](int start, const char* hz) {
